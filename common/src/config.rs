@@ -1,0 +1,168 @@
+//! Settings files: TOML over a struct with defaults.
+//!
+//! A settings struct derives `Serialize`, `Deserialize` and `Default` with
+//! `#[serde(default, deny_unknown_fields)]`, nested structs too: then a file
+//! holds only what differs from the defaults, and a misspelt key is an error.
+
+use std::path::Path;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::{Error, Result};
+
+/// Reads settings from a TOML file; what it does not say stays at its default.
+///
+/// # Errors
+/// [`Error::UnknownKey`] with the line and the nearest known key,
+/// [`Error::BadConfig`] for anything else that is wrong in the file,
+/// [`Error::Io`] or [`Error::NotText`] where it cannot be read.
+pub fn load<T: DeserializeOwned + Serialize + Default>(path: impl AsRef<Path>) -> Result<T> {
+    let path = path.as_ref();
+    let text = crate::text::read(path)?;
+    parse(path, &text)
+}
+
+/// All settings as TOML, for `--print-config`.
+///
+/// # Errors
+/// [`Error::BadConfig`] where `T` has no TOML form, which is a fault of `T`.
+pub fn to_toml<T: Serialize>(settings: &T) -> Result<String> {
+    toml::to_string_pretty(settings).map_err(|e| Error::BadConfig {
+        path: std::any::type_name::<T>().into(),
+        line: 1,
+        message: e.to_string(),
+    })
+}
+
+fn parse<T: DeserializeOwned + Serialize + Default>(path: &Path, text: &str) -> Result<T> {
+    toml::from_str(text).map_err(|e| {
+        let line = e.span().map_or(1, |span| line_of(text, span.start));
+        match unknown_field(e.message()) {
+            Some((key, expected)) => Error::UnknownKey {
+                path: path.to_path_buf(),
+                line,
+                nearest: nearest_key(key, &expected, &known_keys(&T::default())),
+                key: key.to_owned(),
+            },
+            None => Error::BadConfig {
+                path: path.to_path_buf(),
+                line,
+                message: e.message().replace('\n', ", "),
+            },
+        }
+    })
+}
+
+/// The line (from 1) of a byte.
+fn line_of(text: &str, at: usize) -> usize {
+    1 + text.bytes().take(at).filter(|&b| b == b'\n').count()
+}
+
+/// The key and the expected ones out of serde's "unknown field `a`, expected
+/// one of `b`, `c`": the only form in which serde hands them over.
+fn unknown_field(message: &str) -> Option<(&str, Vec<&str>)> {
+    let mut quoted = message.strip_prefix("unknown field ")?.split('`').skip(1).step_by(2);
+    Some((quoted.next()?, quoted.collect()))
+}
+
+/// Every key of the defaults, with the tables it stands in: `poles.radius_m`.
+fn known_keys<T: Serialize>(defaults: &T) -> Vec<String> {
+    fn collect(table: &toml::Table, prefix: &str, keys: &mut Vec<String>) {
+        for (key, value) in table {
+            keys.push(format!("{prefix}{key}"));
+            if let toml::Value::Table(inner) = value {
+                collect(inner, &format!("{prefix}{key}."), keys);
+            }
+        }
+    }
+    let mut keys = Vec::new();
+    if let Ok(table) = toml::Table::try_from(defaults) {
+        collect(&table, "", &mut keys);
+    }
+    keys
+}
+
+/// The key that was meant: the same name in another table, else the most
+/// similar one here, else the most similar one anywhere.
+fn nearest_key(key: &str, expected: &[&str], known: &[String]) -> Option<String> {
+    let name = |full: &str| full.rsplit('.').next().unwrap_or_default().to_owned();
+    if let Some(elsewhere) = known.iter().find(|full| name(full) == key) {
+        return Some(elsewhere.clone());
+    }
+    let similar = |a: &str| strsim::jaro_winkler(a, key);
+    let here = expected.iter().map(|&e| (similar(e), e.to_owned()));
+    let anywhere = known.iter().map(|full| (similar(&name(full)) - 0.05, full.clone()));
+    here.chain(anywhere)
+        .filter(|(similarity, _)| *similarity > 0.7)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, nearest)| nearest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    struct Settings {
+        every: usize,
+        only: Option<String>,
+        poles: Poles,
+    }
+
+    #[derive(Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    struct Poles {
+        radius_m: f64,
+    }
+
+    impl Default for Settings {
+        fn default() -> Self {
+            Self { every: 5, only: None, poles: Poles::default() }
+        }
+    }
+
+    impl Default for Poles {
+        fn default() -> Self {
+            Self { radius_m: 0.3 }
+        }
+    }
+
+    fn message(text: &str) -> String {
+        parse::<Settings>(Path::new("a.toml"), text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn what_is_not_said_stays_at_its_default() {
+        let settings: Settings = parse(Path::new("a.toml"), "[poles]\nradius_m = 0.5\n").unwrap();
+        assert_eq!(settings, Settings { poles: Poles { radius_m: 0.5 }, ..Settings::default() });
+    }
+
+    #[test]
+    fn an_unknown_key_names_file_line_and_nearest_key() {
+        let said = message("every = 3\n[poles]\nradus_m = 0.5\n");
+        assert!(said.starts_with("a.toml:3: there is no setting `radus_m` (did you mean `radius_m`?)"), "{said}");
+        assert!(message("evry = 3").contains("`every`"));
+        assert!(message("onli = 'x'").contains("`only`"));
+    }
+
+    #[test]
+    fn a_key_in_the_wrong_table_is_shown_its_place() {
+        assert!(message("radius_m = 0.5").contains("`poles.radius_m`"));
+    }
+
+    #[test]
+    fn a_wrong_value_or_broken_toml_names_the_line() {
+        assert!(message("every = 3\n[poles]\nradius_m = 'wide'").starts_with("a.toml:3: "));
+        assert!(message("every = 3\n[poles\n").starts_with("a.toml:2: "));
+    }
+
+    #[test]
+    fn printed_settings_are_read_back() {
+        let settings = Settings { every: 7, ..Settings::default() };
+        let text = to_toml(&settings).unwrap();
+        assert_eq!(parse::<Settings>(Path::new("a.toml"), &text).unwrap(), settings);
+    }
+}

@@ -1,0 +1,12 @@
+//! KITTI odometry files: scans, calibration, times, poses.
+//!
+//! The layout is `ROOT/sequences/NN/{calib.txt,times.txt,velodyne,image_2}`
+//! and `ROOT/poses/NN.txt`; a frame's files are named by its six-digit index.
+
+mod calibration;
+mod scan;
+mod sequence;
+
+pub use calibration::{Calibration, write_calibration};
+pub use scan::{Scan, ScanPoint, read_scan, write_scan};
+pub use sequence::{Sequence, read_poses, read_times, write_poses, write_times};

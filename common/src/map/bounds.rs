@@ -1,0 +1,60 @@
+//! Where a map is, and which road is near.
+
+use nalgebra::Point3;
+
+use super::{RoadId, SemanticMap};
+
+/// An axis-aligned box in the map frame, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    /// Smallest coordinates.
+    pub min_map: Point3<f64>,
+    /// Largest coordinates.
+    pub max_map: Point3<f64>,
+}
+
+impl SemanticMap {
+    /// The box around all landmarks and roads; none for an empty map.
+    pub fn bounds(&self) -> Option<Bounds> {
+        let roads = self.roads.iter().flat_map(|road| &road.path_map);
+        let poles = self.poles.iter().flat_map(|pole| [&pole.foot_map, &pole.top_map]);
+        let signs = self.signs.iter().map(|sign| &sign.centroid_map);
+        let lanes = self.lanes.iter().flat_map(|lane| &lane.points_map);
+        let mut points = roads.chain(poles).chain(signs).chain(lanes);
+        let first = *points.next()?;
+        Some(points.fold(Bounds { min_map: first, max_map: first }, |bounds, point| Bounds {
+            min_map: bounds.min_map.inf(point),
+            max_map: bounds.max_map.sup(point),
+        }))
+    }
+
+    /// The road whose path comes nearest to a point (map frame, metres), the
+    /// first of them where several do; none where the map has no road.
+    pub fn nearest_road(&self, point_map: &Point3<f64>) -> Option<RoadId> {
+        let mut nearest = None;
+        let mut nearest_m2 = f64::INFINITY;
+        for (id, road) in (0..).zip(&self.roads) {
+            let distance_m2 = distance_to_path_m2(&road.path_map, point_map);
+            if distance_m2 < nearest_m2 {
+                (nearest, nearest_m2) = (Some(RoadId(id)), distance_m2);
+            }
+        }
+        nearest
+    }
+}
+
+/// Squared distance of a point from a polyline, square metres; infinite where
+/// the line has no vertex.
+fn distance_to_path_m2(path: &[Point3<f64>], point: &Point3<f64>) -> f64 {
+    let Some(first) = path.first() else { return f64::INFINITY };
+    let mut nearest_m2 = (point - first).norm_squared();
+    for pair in path.windows(2) {
+        let along = pair[1] - pair[0];
+        let length_m2 = along.norm_squared();
+        if length_m2 > 0.0 {
+            let fraction = ((point - pair[0]).dot(&along) / length_m2).clamp(0.0, 1.0);
+            nearest_m2 = nearest_m2.min((point - (pair[0] + along * fraction)).norm_squared());
+        }
+    }
+    nearest_m2
+}

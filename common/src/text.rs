@@ -1,0 +1,88 @@
+//! Text files of numbers, read with the line of every fault.
+
+use std::path::Path;
+
+use nalgebra::{Matrix3, Matrix3x4, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use crate::geometry::Pose;
+use crate::{Error, Result};
+
+/// The largest difference between an entry of a given rotation matrix and the
+/// nearest rotation. KITTI prints seven digits; a thousandth is a rotation of
+/// 0.06 degrees or a scale of 0.1 %, which no such file should have.
+pub(crate) const ROTATION_LIMIT: f64 = 1e-3;
+
+/// The whole file as text.
+pub(crate) fn read(path: &Path) -> Result<String> {
+    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    String::from_utf8(bytes).map_err(|e| Error::NotText {
+        path: path.to_path_buf(),
+        at: e.utf8_error().valid_up_to(),
+    })
+}
+
+/// The lines that hold something, each with its number (from 1). Comments
+/// begin with `#`.
+pub(crate) fn rows(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    text.lines()
+        .enumerate()
+        .map(|(index, row)| (index + 1, row.trim()))
+        .filter(|(_, row)| !row.is_empty() && !row.starts_with('#'))
+}
+
+/// Exactly `N` finite numbers.
+pub(crate) fn numbers<const N: usize>(path: &Path, line: usize, row: &str) -> Result<[f64; N]> {
+    let mut values = [0.0; N];
+    let mut found = 0;
+    for text in row.split_whitespace() {
+        let value = text.parse::<f64>().ok().filter(|v| v.is_finite());
+        let Some(value) = value else {
+            return Err(Error::BadNumber { path: path.to_path_buf(), line, text: text.chars().take(40).collect() });
+        };
+        if let Some(slot) = values.get_mut(found) {
+            *slot = value;
+        }
+        found += 1;
+    }
+    if found != N {
+        return Err(Error::BadRow { path: path.to_path_buf(), line, found, expected: N });
+    }
+    Ok(values)
+}
+
+/// A pose from a 3x4 matrix `[R | t]`, row by row; the printed `R` is replaced
+/// by the rotation nearest to it.
+pub(crate) fn pose(path: &Path, line: usize, row: &str) -> Result<Pose> {
+    let values: [f64; 12] = numbers(path, line, row)?;
+    let matrix = Matrix3x4::from_row_slice(&values);
+    let printed: Matrix3<f64> = matrix.fixed_columns::<3>(0).into_owned();
+    let nearest = nearest_rotation(&printed);
+    let deviation = nearest.map_or(f64::INFINITY, |r| (r.matrix() - printed).amax());
+    match nearest {
+        Some(rotation) if deviation <= ROTATION_LIMIT => Ok(Pose::from_parts(
+            Translation3::from(Vector3::new(values[3], values[7], values[11])),
+            UnitQuaternion::from_rotation_matrix(&rotation),
+        )),
+        _ => Err(Error::NotARotation { path: path.to_path_buf(), line, deviation, limit: ROTATION_LIMIT }),
+    }
+}
+
+/// A pose as the twelve numbers of its 3x4 matrix, row by row.
+pub(crate) fn pose_row(pose: &Pose) -> String {
+    let matrix = pose.to_homogeneous();
+    let mut row = String::new();
+    for (index, value) in matrix.fixed_rows::<3>(0).transpose().iter().enumerate() {
+        if index > 0 {
+            row.push(' ');
+        }
+        row.push_str(&format!("{value:.9e}"));
+    }
+    row
+}
+
+/// The rotation that is nearest in the Frobenius norm: `U V^T` of `U S V^T`.
+fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<Rotation3<f64>> {
+    let svd = matrix.try_svd(true, true, f64::EPSILON, 100)?;
+    let rotation = svd.u? * svd.v_t?;
+    (rotation.determinant() > 0.0).then(|| Rotation3::from_matrix_unchecked(rotation))
+}

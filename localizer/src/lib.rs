@@ -1,0 +1,2 @@
+//! Localizes a camera against a compact semantic map.
+pub mod features;

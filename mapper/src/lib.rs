@@ -1,0 +1,1 @@
+//! Builds compact semantic maps from lidar scans.

@@ -45,11 +45,7 @@ fn parse<T: DeserializeOwned + Serialize + Default>(path: &Path, text: &str) -> 
                 nearest: nearest_key(key, &expected, &known_keys(&T::default())),
                 key: key.to_owned(),
             },
-            None => Error::BadConfig {
-                path: path.to_path_buf(),
-                line,
-                message: e.message().replace('\n', ", "),
-            },
+            None => Error::BadConfig { path: path.to_path_buf(), line, message: e.message().replace('\n', ", ") },
         }
     })
 }

@@ -170,7 +170,9 @@ pub enum Error {
     #[error("this is no Waymark map (it does not begin with `CSM`); give a .csm file")]
     NotAMap,
     /// A map of another version of the format.
-    #[error("this map has format version {found}, and this program reads version {supported}; build the map again with this program, or use the program that made it")]
+    #[error(
+        "this map has format version {found}, and this program reads version {supported}; build the map again with this program, or use the program that made it"
+    )]
     MapVersion {
         /// The version that stands in the file.
         found: u8,
@@ -178,7 +180,9 @@ pub enum Error {
         supported: u8,
     },
     /// A map that ends too early or too late.
-    #[error("this map should have {expected} bytes and has {found}: it was cut off or something was added; copy it again")]
+    #[error(
+        "this map should have {expected} bytes and has {found}: it was cut off or something was added; copy it again"
+    )]
     MapLength {
         /// The length that follows from the header, bytes.
         expected: usize,

@@ -1,5 +1,6 @@
 //! Text files of numbers, read with the line of every fault.
 
+use std::fmt::Write as _;
 use std::path::Path;
 
 use nalgebra::{Matrix3, Matrix3x4, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -15,10 +16,7 @@ pub(crate) const ROTATION_LIMIT: f64 = 1e-3;
 /// The whole file as text.
 pub(crate) fn read(path: &Path) -> Result<String> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    String::from_utf8(bytes).map_err(|e| Error::NotText {
-        path: path.to_path_buf(),
-        at: e.utf8_error().valid_up_to(),
-    })
+    String::from_utf8(bytes).map_err(|e| Error::NotText { path: path.to_path_buf(), at: e.utf8_error().valid_up_to() })
 }
 
 /// The lines that hold something, each with its number (from 1). Comments
@@ -75,7 +73,8 @@ pub(crate) fn pose_row(pose: &Pose) -> String {
         if index > 0 {
             row.push(' ');
         }
-        row.push_str(&format!("{value:.9e}"));
+        // Writing to a string cannot fail.
+        let _ = write!(row, "{value:.9e}");
     }
     row
 }

@@ -113,8 +113,8 @@ impl Trajectory {
         let mut stamps: Vec<StampedPose> = Vec::new();
         for (line, row) in text::rows(&text::read(path)?) {
             let [time_s, x, y, z, i, j, k, w] = text::numbers(path, line, row)?;
-            let frame = frame_at(times_s, time_s)
-                .ok_or_else(|| Error::NoFrameAt { path: path.to_path_buf(), line, time_s })?;
+            let frame =
+                frame_at(times_s, time_s).ok_or_else(|| Error::NoFrameAt { path: path.to_path_buf(), line, time_s })?;
             if stamps.last().is_some_and(|before| before.frame >= frame) {
                 return Err(Error::TimeOrder { path: path.to_path_buf(), line, time_s });
             }

@@ -36,13 +36,7 @@ impl PinholeCamera {
             return None;
         }
         let from_reference_m = k.try_inverse()? * p.column(3);
-        Some(Self {
-            fx_px: k[(0, 0)],
-            fy_px: k[(1, 1)],
-            cx_px: k[(0, 2)],
-            cy_px: k[(1, 2)],
-            from_reference_m,
-        })
+        Some(Self { fx_px: k[(0, 0)], fy_px: k[(1, 1)], cx_px: k[(0, 2)], cy_px: k[(1, 2)], from_reference_m })
     }
 
     /// The 3x4 projection matrix: the inverse of [`Self::from_projection`].
@@ -52,14 +46,14 @@ impl PinholeCamera {
         Matrix3x4::from_columns(&[k.column(0).into(), k.column(1).into(), k.column(2).into(), p4])
     }
 
-    /// pi_P (eq. 5): a point in the reference camera's frame (m) to the image
+    /// `pi_P` (eq. 5): a point in the reference camera's frame (m) to the image
     /// (px); none unless it lies at least `near_m` in front of the camera.
     pub fn project(&self, point_camera: &Point3<f64>, near_m: f64) -> Option<Point2<f64>> {
         let p = point_camera + self.from_reference_m;
         (p.z >= near_m && p.z > 0.0).then(|| self.project_in_front(&p))
     }
 
-    /// pi_L (eq. 6, 7): a segment in the reference camera's frame (m) to the
+    /// `pi_L` (eq. 6, 7): a segment in the reference camera's frame (m) to the
     /// image (px), its part nearer than `near_m` cut off at that plane; none
     /// where nothing of it is in front.
     pub fn project_segment(
@@ -143,9 +137,7 @@ mod tests {
 
     #[test]
     fn a_segment_through_the_camera_is_cut_at_the_near_plane() {
-        let (a, b) = camera()
-            .project_segment(&Point3::new(1.0, 1.0, -5.0), &Point3::new(1.0, 1.0, 5.0), 0.5)
-            .unwrap();
+        let (a, b) = camera().project_segment(&Point3::new(1.0, 1.0, -5.0), &Point3::new(1.0, 1.0, 5.0), 0.5).unwrap();
         assert!(a.coords.iter().chain(b.coords.iter()).all(|v| v.is_finite()));
         assert!((a.x - (600.0 + 700.0 * 1.06 / 0.5)).abs() < 1e-6);
         assert!(camera().project_segment(&Point3::new(0.0, 0.0, -1.0), &Point3::new(0.0, 1.0, 0.0), 0.5).is_none());

@@ -13,11 +13,11 @@ pub type Tangent = Vector6<f64>;
 /// down, z forward): `R = Ry(yaw) Rx(pitch) Rz(roll)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseParameters {
-    /// C_x: camera centre along map x, metres.
+    /// `C_x`: camera centre along map x, metres.
     pub x_m: f64,
-    /// C_y: camera centre along map y (down), metres.
+    /// `C_y`: camera centre along map y (down), metres.
     pub y_m: f64,
-    /// C_z: camera centre along map z, metres.
+    /// `C_z`: camera centre along map z, metres.
     pub z_m: f64,
     /// Rotation about the y (down) axis, radians; positive turns right.
     pub yaw_rad: f64,
@@ -35,10 +35,7 @@ impl PoseParameters {
         // R = Ry Rx Rz: R12 = -sin(pitch), R02 / R22 = tan(yaw), R10 / R11 = tan(roll).
         let pitch_rad = (-m[(1, 2)]).clamp(-1.0, 1.0).asin();
         let (yaw_rad, roll_rad) = if pitch_rad.cos() > 1e-9 {
-            (
-                m[(0, 2)].atan2(m[(2, 2)]),
-                m[(1, 0)].atan2(m[(1, 1)]),
-            )
+            (m[(0, 2)].atan2(m[(2, 2)]), m[(1, 0)].atan2(m[(1, 1)]))
         } else {
             // Gimbal lock: only yaw -+ roll is defined; give it all to yaw.
             ((-m[(2, 0)]).atan2(m[(0, 0)]), 0.0)
@@ -89,22 +86,16 @@ mod tests {
     use proptest::prelude::*;
 
     fn parameters() -> impl Strategy<Value = PoseParameters> {
-        (
-            -1e3..1e3_f64,
-            -1e2..1e2_f64,
-            -1e3..1e3_f64,
-            -3.1..3.1_f64,
-            -1.5..1.5_f64,
-            -3.1..3.1_f64,
-        )
-            .prop_map(|(x_m, y_m, z_m, yaw_rad, pitch_rad, roll_rad)| PoseParameters {
+        (-1e3..1e3_f64, -1e2..1e2_f64, -1e3..1e3_f64, -3.1..3.1_f64, -1.5..1.5_f64, -3.1..3.1_f64).prop_map(
+            |(x_m, y_m, z_m, yaw_rad, pitch_rad, roll_rad)| PoseParameters {
                 x_m,
                 y_m,
                 z_m,
                 yaw_rad,
                 pitch_rad,
                 roll_rad,
-            })
+            },
+        )
     }
 
     proptest! {

@@ -104,7 +104,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("000000.bin");
         let dark = ScanPoint { reflectance: f32::NAN, ..point(1.0) };
-        let points = [point(3.0), point(f32::NAN), point(200.0), ScanPoint::default(), point(f32::INFINITY), dark, point(-4.0)];
+        let points =
+            [point(3.0), point(f32::NAN), point(200.0), ScanPoint::default(), point(f32::INFINITY), dark, point(-4.0)];
         write_scan(&path, &points).unwrap();
         let scan = read_scan(&path, 100.0).unwrap();
         assert_eq!(scan.points, [point(3.0), point(-4.0)]);

@@ -16,16 +16,20 @@ pub fn ascii(map: &SemanticMap) -> String {
         let _ = writeln!(
             out,
             "{} {} {:.2} {:.2} {:.2} {:.2} {:.2} {:.2}",
-            pole.kind.name(), pole.road.0, a.x, a.y, a.z, b.x, b.y, b.z
+            pole.kind.name(),
+            pole.road.0,
+            a.x,
+            a.y,
+            a.z,
+            b.x,
+            b.y,
+            b.z
         );
     }
     for sign in &map.signs {
         let c = sign.centroid_map;
-        let _ = writeln!(
-            out,
-            "{} {} {:.2} {:.2} {:.2} {:.2}",
-            sign.kind.name(), sign.road.0, c.x, c.y, c.z, sign.size_m
-        );
+        let _ =
+            writeln!(out, "{} {} {:.2} {:.2} {:.2} {:.2}", sign.kind.name(), sign.road.0, c.x, c.y, c.z, sign.size_m);
     }
     for lane in &map.lanes {
         let _ = write!(out, "{} {}", lane.kind.name(), lane.road.0);

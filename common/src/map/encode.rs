@@ -1,0 +1,207 @@
+//! From a checked map to bytes.
+
+use super::envelope::seal;
+use super::grid::{Grid, GridPoint, RoadFrame};
+use super::varint::{Signed, Unsigned};
+use super::wire::{self, Body, ByRoad, Head, List, Polyline, Step};
+use super::{EncodeOptions, LaneKind, MAX_NOTE_BYTES, PoleKind, RoadId, SemanticMap, SignKind};
+use crate::{Error, Result};
+
+impl SemanticMap {
+    /// The bytes of a map file. They depend on the set of landmarks and not on
+    /// their order; every coordinate and size is rounded to the quantum.
+    ///
+    /// # Errors
+    /// [`Error::MapUnencodable`], naming the item, where a coordinate is not
+    /// finite or does not fit, a [`RoadId`] has no road, a pole's top is below
+    /// its foot, a road has no vertex or a lane line fewer than two, the note
+    /// is too long or the quantum is no quantum.
+    pub fn encode(&self, options: &EncodeOptions) -> Result<Vec<u8>> {
+        seal(&body(self, Grid::from_m(options.quantum_m)?)?.to_bytes()?)
+    }
+}
+
+/// The lower control point, how far the top is above it, and its lean along x
+/// and z.
+type GridPole = (GridPoint, u64, [i64; 2]);
+
+/// The centroid and the size.
+type GridSign = (GridPoint, u64);
+
+/// The vertices.
+type GridLane = Vec<GridPoint>;
+
+/// Landmarks on the grid, as they come.
+type Unsorted<K, T> = Vec<(K, RoadId, T)>;
+
+fn body(map: &SemanticMap, grid: Grid) -> Result<Body> {
+    let roads = roads(map, grid)?;
+    let frames: Vec<RoadFrame> = roads.iter().filter_map(|path| RoadFrame::of(path)).collect();
+    let (poles, signs, lanes) = (poles(map, grid)?, signs(map, grid)?, lanes(map, grid)?);
+    let head = head(map, grid)?;
+    let poles = by_kind_and_road(PoleKind::ALL, &poles, &frames, |pole: &GridPole| pole.0)?;
+    let signs = by_kind_and_road(SignKind::ALL, &signs, &frames, |sign: &GridSign| sign.0)?;
+    let lanes = by_kind_and_road(LaneKind::ALL, &lanes, &frames, |lane: &GridLane| lane[0])?;
+    let mut end = [0; 3];
+    let roads = roads
+        .iter()
+        .map(|path| {
+            let line = polyline(end, path);
+            end = path[path.len() - 1];
+            line
+        })
+        .collect();
+    Ok(Body {
+        head,
+        roads: List(roads),
+        poles: poles.map(|groups| {
+            steps(groups, &frames, |before, &(foot, height, [lean_x, lean_z])| {
+                let pole = wire::Pole {
+                    foot: step(before, foot),
+                    height: Unsigned(height),
+                    lean_x: Signed(lean_x),
+                    lean_z: Signed(lean_z),
+                };
+                (pole, foot)
+            })
+        }),
+        signs: signs.map(|groups| {
+            steps(groups, &frames, |before, &(centroid, size)| {
+                (wire::Sign { centroid: step(before, centroid), size: Unsigned(size) }, centroid)
+            })
+        }),
+        lanes: lanes.map(|groups| steps(groups, &frames, |before, line| (polyline(before, line), line[0]))),
+    })
+}
+
+fn head(map: &SemanticMap, grid: Grid) -> Result<Head> {
+    if let Some(fault) = super::note_fault(&map.frame_note) {
+        return Err(unencodable(format!("{fault}; shorten or correct it (at most {MAX_NOTE_BYTES} bytes)")));
+    }
+    let (min, max) = match map.bounds() {
+        Some(bounds) => {
+            let corner = || "the corner of the map".to_owned();
+            (grid.point(&bounds.min_map, corner)?, grid.point(&bounds.max_map, corner)?)
+        }
+        None => ([0; 3], [0; 3]),
+    };
+    Ok(Head {
+        quantum_um: Unsigned(grid.quantum_um()),
+        frame_note: List(map.frame_note.as_bytes().to_vec()),
+        min: min.map(Signed),
+        extent: [0, 1, 2].map(|axis| Unsigned((max[axis] - min[axis]) as u64)),
+    })
+}
+
+fn roads(map: &SemanticMap, grid: Grid) -> Result<Vec<Vec<GridPoint>>> {
+    let road = |(index, road): (usize, &super::Road)| {
+        if road.path_map.is_empty() {
+            return Err(unencodable(format!("road {index} has no vertex; remove it")));
+        }
+        road.path_map.iter().map(|point| grid.point(point, || format!("road {index}"))).collect()
+    };
+    map.roads.iter().enumerate().map(road).collect()
+}
+
+fn poles(map: &SemanticMap, grid: Grid) -> Result<Unsorted<PoleKind, GridPole>> {
+    let pole = |(index, pole): (usize, &super::Pole)| {
+        let name = || format!("pole {index}");
+        let (foot, top) = (grid.point(&pole.foot_map, name)?, grid.point(&pole.top_map, name)?);
+        // y points down.
+        let height = u64::try_from(foot[1] - top[1])
+            .map_err(|_| unencodable(format!("the foot of pole {index} is above its top; exchange them")))?;
+        Ok((pole.kind, pole.road, (foot, height, [top[0] - foot[0], top[2] - foot[2]])))
+    };
+    map.poles.iter().enumerate().map(pole).collect()
+}
+
+fn signs(map: &SemanticMap, grid: Grid) -> Result<Unsorted<SignKind, GridSign>> {
+    let sign = |(index, sign): (usize, &super::Sign)| {
+        let centroid = grid.point(&sign.centroid_map, || format!("sign {index}"))?;
+        let size = grid.quanta(sign.size_m, || format!("size of sign {index}"))?;
+        let size = u64::try_from(size)
+            .map_err(|_| unencodable(format!("the size of sign {index} is {} m; correct it", sign.size_m)))?;
+        Ok((sign.kind, sign.road, (centroid, size)))
+    };
+    map.signs.iter().enumerate().map(sign).collect()
+}
+
+fn lanes(map: &SemanticMap, grid: Grid) -> Result<Unsorted<LaneKind, GridLane>> {
+    let lane = |(index, lane): (usize, &super::LaneLine)| {
+        if lane.points_map.len() < 2 {
+            return Err(unencodable(format!("lane line {index} has fewer than two vertices; remove it")));
+        }
+        let points: Result<Vec<_>> =
+            lane.points_map.iter().map(|point| grid.point(point, || format!("lane line {index}"))).collect();
+        Ok((lane.kind, lane.road, points?))
+    };
+    map.lanes.iter().enumerate().map(lane).collect()
+}
+
+/// Landmarks by kind, then by road up to the last with some, then in driving
+/// order, then by value: one order for any order of the input.
+fn by_kind_and_road<K: Copy + PartialEq, T: Clone + Ord, const N: usize>(
+    kinds: [K; N],
+    landmarks: &[(K, RoadId, T)],
+    frames: &[RoadFrame],
+    anchor: impl Fn(&T) -> GridPoint,
+) -> Result<[Vec<Vec<T>>; N]> {
+    let mut sorted = kinds.map(|_| Vec::new());
+    for (groups, kind) in sorted.iter_mut().zip(kinds) {
+        for (_, RoadId(road), landmark) in landmarks.iter().filter(|landmark| landmark.0 == kind) {
+            let road = *road as usize;
+            if road >= frames.len() {
+                let what = format!("a landmark is on road {road} and there are {} roads; add the road", frames.len());
+                return Err(unencodable(what));
+            }
+            if groups.len() <= road {
+                groups.resize(road + 1, Vec::new());
+            }
+            groups[road].push(landmark.clone());
+        }
+        for (group, frame) in groups.iter_mut().zip(frames) {
+            group.sort_by(|a, b| frame.along(anchor(a)).cmp(&frame.along(anchor(b))).then_with(|| a.cmp(b)));
+        }
+    }
+    Ok(sorted)
+}
+
+/// Every landmark as a step from the one before it on its road, the first
+/// from the road's origin. `wire` also gives the point to go on from.
+fn steps<T, W>(groups: Vec<Vec<T>>, frames: &[RoadFrame], wire: impl Fn(GridPoint, &T) -> (W, GridPoint)) -> ByRoad<W> {
+    let group = |(group, frame): (Vec<T>, &RoadFrame)| {
+        let mut before = frame.origin;
+        let mut next = |landmark: &T| {
+            let (item, anchor) = wire(before, landmark);
+            before = anchor;
+            item
+        };
+        List(group.iter().map(&mut next).collect())
+    };
+    List(groups.into_iter().zip(frames).map(group).collect())
+}
+
+fn step(from: GridPoint, to: GridPoint) -> Step {
+    [0, 1, 2].map(|axis| Signed(to[axis] - from[axis]))
+}
+
+/// A polyline in the shorter of its two forms, the first where both are equal.
+fn polyline(from: GridPoint, vertices: &[GridPoint]) -> Polyline {
+    let mut before = from;
+    let mut steps = Vec::with_capacity(vertices.len());
+    for &vertex in vertices {
+        steps.push(step(before, vertex));
+        before = vertex;
+    }
+    let mut changes = steps.clone();
+    for index in 2..steps.len() {
+        changes[index] = [0, 1, 2].map(|axis| Signed(steps[index][axis].0 - steps[index - 1][axis].0));
+    }
+    let length = |steps: &[Step]| -> usize { steps.iter().flatten().map(|number| number.len()).sum() };
+    let second_order = length(&changes) < length(&steps);
+    Polyline { second_order, steps: if second_order { changes } else { steps } }
+}
+
+fn unencodable(what: String) -> Error {
+    Error::MapUnencodable { what }
+}

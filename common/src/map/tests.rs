@@ -1,0 +1,287 @@
+//! What the map file promises.
+
+use nalgebra::Point3;
+use proptest::prelude::*;
+
+use super::*;
+use crate::Error;
+
+/// The map of the worked example in `FORMAT.md`.
+fn example() -> SemanticMap {
+    let road = RoadId(0);
+    SemanticMap {
+        frame_note: "example".into(),
+        roads: vec![Road { path_map: vec![Point3::new(0.0, 0.0, 0.0), Point3::new(0.0, 0.0, 50.0)] }],
+        poles: vec![
+            pole(PoleKind::LampPost, Point3::new(-4.5, 1.6, 30.0), 6.2),
+            pole(PoleKind::LampPost, Point3::new(5.0, 1.5, 12.0), 6.0),
+        ],
+        signs: vec![Sign {
+            kind: SignKind::TrafficSign,
+            centroid_map: Point3::new(4.2, -0.6, 20.0),
+            size_m: 0.85,
+            road,
+        }],
+        lanes: vec![LaneLine {
+            kind: LaneKind::Dashed,
+            points_map: (0..4).map(|i| Point3::new(-1.8, 1.65, 5.0 + 10.0 * f64::from(i))).collect(),
+            road,
+        }],
+    }
+}
+
+fn pole(kind: PoleKind, foot_map: Point3<f64>, height_m: f64) -> Pole {
+    let top_map = foot_map + nalgebra::Vector3::new(0.03, -height_m, -0.02);
+    Pole { kind, foot_map, top_map, road: RoadId(0) }
+}
+
+fn encode(map: &SemanticMap) -> Vec<u8> {
+    map.encode(&EncodeOptions::default()).unwrap()
+}
+
+/// `bytes` with the length and checksum that belong to them.
+fn resealed(bytes: &[u8]) -> Vec<u8> {
+    envelope::seal(&bytes[envelope::PREFIX_BYTES..bytes.len() - envelope::CHECKSUM_BYTES]).unwrap()
+}
+
+/// The hex dump of the worked example: what stands before `|` on the lines of
+/// the first code block that has such a column.
+fn documented_example() -> Vec<u8> {
+    include_str!("../../FORMAT.md")
+        .split("```")
+        .find_map(|block| block.strip_prefix("hex\n"))
+        .unwrap()
+        .lines()
+        .flat_map(|line| line.split('|').next().unwrap_or_default().split_whitespace())
+        .map(|byte| u8::from_str_radix(byte, 16).unwrap())
+        .collect()
+}
+
+#[test]
+fn the_bytes_are_those_of_the_format_description() {
+    let hex: Vec<String> = encode(&example()).iter().map(|byte| format!("{byte:02x}")).collect();
+    assert_eq!(encode(&example()), documented_example(), "{}", hex.join(" "));
+}
+
+#[test]
+fn the_documented_bytes_are_read_as_the_documented_map() {
+    let map = SemanticMap::decode(&documented_example()).unwrap();
+    let mut expected = example();
+    expected.poles.reverse();
+    assert_eq!(map, expected);
+}
+
+#[test]
+fn the_layout_accounts_for_every_byte() {
+    let bytes = encode(&example());
+    let layout = layout(&bytes).unwrap();
+    assert_eq!(layout.total_bytes(), bytes.len());
+    let section = |name: &str| layout.sections.iter().find(|section| section.name == name).unwrap();
+    assert_eq!(section("lamp-post").items, 2);
+    assert_eq!(section("trunk"), &SectionSize { name: "trunk".into(), items: 0, bytes: 1 });
+    assert_eq!((layout.version, layout.quantum_m), (1, 0.01));
+    assert_eq!(layout.bounds, SemanticMap::decode(&bytes).unwrap().bounds());
+}
+
+#[test]
+fn any_flipped_bit_is_noticed() {
+    let good = encode(&example());
+    for at in 0..good.len() {
+        for bit in 0..8 {
+            let mut bad = good.clone();
+            bad[at] ^= 1 << bit;
+            let error = SemanticMap::decode(&bad).unwrap_err();
+            match at {
+                0..3 => assert!(matches!(error, Error::NotAMap)),
+                3 => assert!(matches!(error, Error::MapVersion { .. })),
+                4..8 => assert!(matches!(error, Error::MapLength { .. })),
+                _ => assert!(matches!(error, Error::MapChecksum { .. })),
+            }
+        }
+    }
+}
+
+#[test]
+fn a_truncated_or_extended_map_says_both_lengths() {
+    let good = encode(&example());
+    for length in 1..good.len() {
+        let error = SemanticMap::decode(&good[..length]).unwrap_err();
+        assert!(matches!(error, Error::MapLength { found, .. } if found == length), "{length}: {error}");
+    }
+    let cut = SemanticMap::decode(&good[..good.len() - 3]).unwrap_err().to_string();
+    assert!(cut.contains(&format!("should have {} bytes and has {}", good.len(), good.len() - 3)), "{cut}");
+    let longer = [good.as_slice(), &[0]].concat();
+    assert!(matches!(SemanticMap::decode(&longer), Err(Error::MapLength { .. })));
+    assert!(matches!(SemanticMap::decode(&[]), Err(Error::NotAMap)));
+}
+
+#[test]
+fn a_map_of_a_future_version_says_which_one_is_read() {
+    let mut bytes = encode(&example());
+    bytes[3] = 9;
+    let said = SemanticMap::decode(&bytes).unwrap_err().to_string();
+    assert!(said.contains("version 9") && said.contains("reads version 1"), "{said}");
+}
+
+#[test]
+fn another_spelling_of_the_same_map_is_refused() {
+    let good = encode(&example());
+    let layout = layout(&good).unwrap();
+    // The first bound, right after the quantum (2 bytes) and the note (1 + 7).
+    let mut other_bounds = good.clone();
+    other_bounds[18] ^= 2;
+    // An empty group for the road in the section of sign posts.
+    let at: usize = layout.sections[..3].iter().map(|section| section.bytes).sum();
+    assert_eq!(good[at], 0);
+    let empty_group = [&good[..at], &[1, 0], &good[at + 1..]].concat();
+    for bad in [other_bounds, empty_group] {
+        let error = SemanticMap::decode(&resealed(&bad)).unwrap_err();
+        assert!(error.to_string().contains("canonical"), "{error}");
+    }
+}
+
+#[test]
+fn absurd_counts_end_at_once() {
+    let good = encode(&example());
+    let at: usize = layout(&good).unwrap().sections[..1].iter().map(|section| section.bytes).sum();
+    for count in [[0xff, 0xff, 0xff, 0xff, 0x7f], [0xff, 0xff, 0xff, 0x01, 0x00]] {
+        let bad = [&good[..at], &count, &good[at + 1..]].concat();
+        let error = SemanticMap::decode(&resealed(&bad)).unwrap_err();
+        assert!(matches!(&error, Error::MapMalformed { what } if what.contains("`roads`")), "{error}");
+    }
+}
+
+#[test]
+fn what_cannot_be_stored_is_named() {
+    let refuse = |change: fn(&mut SemanticMap)| {
+        let mut map = example();
+        change(&mut map);
+        map.encode(&EncodeOptions::default()).unwrap_err().to_string()
+    };
+    assert!(refuse(|map| map.poles[1].top_map.z = f64::NAN).contains("z of pole 1 is NaN m"));
+    assert!(refuse(|map| map.lanes[0].points_map[2].x = 3e9).contains("x of lane line 0"));
+    assert!(refuse(|map| map.signs[0].size_m = -1.0).contains("size of sign 0"));
+    assert!(refuse(|map| map.signs[0].road = RoadId(1)).contains("on road 1 and there are 1 roads"));
+    assert!(refuse(|map| map.poles[0].top_map.y = 9.0).contains("foot of pole 0 is above its top"));
+    assert!(refuse(|map| map.lanes[0].points_map.truncate(1)).contains("fewer than two"));
+    assert!(refuse(|map| map.roads[0].path_map.clear()).contains("road 0 has no vertex"));
+    assert!(refuse(|map| map.frame_note = "x".repeat(65)).contains("65 bytes"));
+    assert!(refuse(|map| map.frame_note = "\u{1b}[2J".into()).contains("control"));
+}
+
+#[test]
+fn an_empty_map_is_a_map() {
+    let empty = SemanticMap::default();
+    assert_eq!(SemanticMap::decode(&encode(&empty)).unwrap(), empty);
+    assert_eq!(layout(&encode(&empty)).unwrap().bounds, None);
+}
+
+fn point(range_m: f64) -> impl Strategy<Value = Point3<f64>> {
+    prop::array::uniform3(-range_m..range_m).prop_map(Point3::from)
+}
+
+fn landmarks() -> impl Strategy<Value = SemanticMap> {
+    let road = || (0..3_u32).prop_map(RoadId);
+    let path = |least| prop::collection::vec(point(500.0), least..6);
+    let pole = (0..4_usize, point(500.0), 0.0..12.0_f64, road()).prop_map(|(kind, foot_map, height, road)| Pole {
+        kind: PoleKind::ALL[kind],
+        foot_map,
+        top_map: Point3::new(foot_map.x + 0.1, foot_map.y - height, foot_map.z - 0.3),
+        road,
+    });
+    let sign = (0..2_usize, point(500.0), 0.0..3.0_f64, road()).prop_map(|(kind, centroid_map, size_m, road)| Sign {
+        kind: SignKind::ALL[kind],
+        centroid_map,
+        size_m,
+        road,
+    });
+    let lane = (0..2_usize, path(2), road()).prop_map(|(kind, points_map, road)| LaneLine {
+        kind: LaneKind::ALL[kind],
+        points_map,
+        road,
+    });
+    (
+        "[ -~]{0,20}",
+        prop::collection::vec(path(1).prop_map(|path_map| Road { path_map }), 3),
+        prop::collection::vec(pole, 0..12),
+        prop::collection::vec(sign, 0..12),
+        prop::collection::vec(lane, 0..6),
+    )
+        .prop_map(|(frame_note, roads, poles, signs, lanes)| SemanticMap {
+            frame_note,
+            roads,
+            poles,
+            signs,
+            lanes,
+        })
+}
+
+/// Everything in a map as numbers, in an order that rounding does not change
+/// often: compared only where it did not.
+fn is_near(a: &Point3<f64>, b: &Point3<f64>, quantum_m: f64) -> bool {
+    (a - b).amax() <= 0.5 * quantum_m + 1e-9
+}
+
+proptest! {
+    #[test]
+    fn every_landmark_survives_within_half_a_quantum(map in landmarks(), quantum_mm in 1..200_u32) {
+        let quantum_m = f64::from(quantum_mm) / 1e3;
+        let bytes = map.encode(&EncodeOptions { quantum_m }).unwrap();
+        let back = SemanticMap::decode(&bytes).unwrap();
+        prop_assert_eq!(&back.frame_note, &map.frame_note);
+        prop_assert_eq!(back.poles.len(), map.poles.len());
+        prop_assert_eq!(back.signs.len(), map.signs.len());
+        prop_assert_eq!(back.lanes.len(), map.lanes.len());
+        for (a, b) in map.roads.iter().zip(&back.roads) {
+            prop_assert_eq!(a.path_map.len(), b.path_map.len());
+            prop_assert!(a.path_map.iter().zip(&b.path_map).all(|(a, b)| is_near(a, b, quantum_m)));
+        }
+        for a in &map.poles {
+            prop_assert!(back.poles.iter().any(|b| (a.kind, a.road) == (b.kind, b.road)
+                && is_near(&a.foot_map, &b.foot_map, quantum_m)
+                && is_near(&a.top_map, &b.top_map, quantum_m)));
+        }
+        for a in &map.signs {
+            prop_assert!(back.signs.iter().any(|b| (a.kind, a.road) == (b.kind, b.road)
+                && is_near(&a.centroid_map, &b.centroid_map, quantum_m)
+                && (a.size_m - b.size_m).abs() <= 0.5 * quantum_m + 1e-9));
+        }
+        for a in &map.lanes {
+            prop_assert!(back.lanes.iter().any(|b| (a.kind, a.road) == (b.kind, b.road)
+                && a.points_map.len() == b.points_map.len()
+                && a.points_map.iter().zip(&b.points_map).all(|(a, b)| is_near(a, b, quantum_m))));
+        }
+        prop_assert_eq!(back.encode(&EncodeOptions { quantum_m }).unwrap(), bytes);
+    }
+
+    #[test]
+    fn the_order_of_landmarks_does_not_change_the_bytes(map in landmarks()) {
+        let mut turned = map.clone();
+        turned.poles.reverse();
+        turned.signs.reverse();
+        turned.lanes.reverse();
+        prop_assert_eq!(encode(&turned), encode(&map));
+    }
+
+    #[test]
+    fn what_is_accepted_is_what_would_be_written(body in prop::collection::vec(any::<u8>(), 0..80)) {
+        let bytes = envelope::seal(&body).unwrap();
+        if let Ok(map) = SemanticMap::decode(&bytes) {
+            let quantum_m = layout(&bytes).unwrap().quantum_m;
+            prop_assert_eq!(map.encode(&EncodeOptions { quantum_m }).unwrap(), bytes);
+        }
+    }
+
+    #[test]
+    fn a_changed_body_never_panics(map in landmarks(), at in any::<prop::sample::Index>(), byte in any::<u8>()) {
+        let mut bytes = encode(&map);
+        let at = envelope::PREFIX_BYTES + at.index(bytes.len() - envelope::PREFIX_BYTES);
+        bytes[at] = byte;
+        let _ = SemanticMap::decode(&resealed(&bytes));
+    }
+
+    #[test]
+    fn arbitrary_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        prop_assert!(SemanticMap::decode(&bytes).is_err());
+    }
+}

@@ -159,3 +159,100 @@ fn frame_at(times_s: &[f64], time_s: f64) -> Option<usize> {
     let nearest = if distance(before) < distance(after) { before } else { after };
     (distance(nearest) <= TIME_TOLERANCE_S).then_some(nearest)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::PoseParameters;
+    use proptest::prelude::*;
+
+    const TIMES_S: [f64; 6] = [0.0, 0.103_662, 0.207_325, 0.310_988, 0.414_651, 0.518_314];
+
+    prop_compose! {
+        fn pose()(
+            x_m in -1e3..1e3_f64,
+            y_m in -1e2..1e2_f64,
+            z_m in -1e3..1e3_f64,
+            yaw_rad in -3.1..3.1_f64,
+            pitch_rad in -1.5..1.5_f64,
+            roll_rad in -3.1..3.1_f64,
+        ) -> Pose {
+            PoseParameters { x_m, y_m, z_m, yaw_rad, pitch_rad, roll_rad }.to_pose()
+        }
+    }
+
+    /// Some of six frames.
+    fn trajectory() -> impl Strategy<Value = Trajectory> {
+        prop::collection::vec(prop::option::of(pose()), TIMES_S.len()).prop_map(|poses| {
+            let stamp = |(frame, pose): (usize, Option<Pose>)| {
+                pose.map(|map_from_camera| StampedPose { frame, time_s: TIMES_S[frame], map_from_camera })
+            };
+            Trajectory { stamps: poses.into_iter().enumerate().filter_map(stamp).collect() }
+        })
+    }
+
+    fn file() -> (tempfile::TempDir, std::path::PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("trajectory.txt");
+        (folder, path)
+    }
+
+    fn assert_same(a: &Trajectory, b: &Trajectory) -> std::result::Result<(), TestCaseError> {
+        prop_assert_eq!(a.stamps.len(), b.stamps.len());
+        for (a, b) in a.stamps.iter().zip(&b.stamps) {
+            prop_assert_eq!((a.frame, a.time_s), (b.frame, b.time_s));
+            let difference = a.map_from_camera.inverse() * b.map_from_camera;
+            prop_assert!(difference.translation.vector.norm() < 1e-6);
+            prop_assert!(difference.rotation.angle() < 1e-7);
+        }
+        Ok(())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn kitti_rows_give_back_the_trajectory(trajectory in trajectory()) {
+            let (_folder, path) = file();
+            trajectory.write_kitti(&path).unwrap();
+            assert_same(&trajectory, &Trajectory::read_kitti(&path, &TIMES_S).unwrap())?;
+        }
+
+        #[test]
+        fn tum_lines_give_back_the_trajectory(trajectory in trajectory()) {
+            let (_folder, path) = file();
+            trajectory.write_tum(&path).unwrap();
+            assert_same(&trajectory, &Trajectory::read_tum(&path, &TIMES_S).unwrap())?;
+        }
+    }
+
+    #[test]
+    fn the_row_number_of_a_kitti_file_is_the_frame() {
+        let (_folder, path) = file();
+        let stamp = StampedPose { frame: 2, time_s: TIMES_S[2], map_from_camera: Pose::identity() };
+        Trajectory { stamps: vec![stamp] }.write_kitti(&path).unwrap();
+        let content = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(content.lines().count(), 3);
+        let back = Trajectory::read_kitti(&path, &TIMES_S).unwrap();
+        assert_eq!(back.at_frame(2), Some(&stamp));
+        assert_eq!(back.at_frame(1), None);
+    }
+
+    #[test]
+    fn a_trajectory_of_another_sequence_is_refused() {
+        let (_folder, path) = file();
+        Trajectory::from_poses(&[Pose::identity(); 6], &TIMES_S).write_kitti(&path).unwrap();
+        assert!(matches!(
+            Trajectory::read_kitti(&path, &TIMES_S[..5]),
+            Err(Error::PoseCount { poses: 6, times: 5, .. })
+        ));
+        let tum = |content: &str| {
+            std::fs::write(&path, content).unwrap();
+            Trajectory::read_tum(&path, &TIMES_S)
+        };
+        assert!(matches!(tum("# t ..\n0.15 0 0 0 0 0 0 1\n"), Err(Error::NoFrameAt { line: 2, .. })));
+        assert!(matches!(tum("0.103 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1\n"), Err(Error::TimeOrder { line: 2, .. })));
+        assert!(matches!(tum("0 0 0 0 0 0 0 0.5\n"), Err(Error::NotARotation { line: 1, .. })));
+        assert_eq!(tum("0.1037 1 2 3 0 0 0 1\n").unwrap().stamps[0].frame, 1);
+    }
+}

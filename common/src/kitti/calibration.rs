@@ -75,3 +75,65 @@ pub fn write_calibration(path: impl AsRef<Path>, calibration: &Calibration) -> R
     let _ = writeln!(content, "Tr: {}", text::pose_row(&calibration.camera_from_velodyne));
     atomic_file::write(path, content.as_bytes())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A calibration with KITTI's digits.
+    const CALIB: &str = "\
+P0: 7.070912e+02 0 6.018873e+02 0 0 7.070912e+02 1.831104e+02 0 0 0 1 0
+P1: 7.070912e+02 0 6.018873e+02 -3.798145e+02 0 7.070912e+02 1.831104e+02 0 0 0 1 0
+P2: 7.070912e+02 0 6.018873e+02 4.688783e+01 0 7.070912e+02 1.831104e+02 1.178601e-01 0 0 1 6.203223e-03
+P3: 7.070912e+02 0 6.018873e+02 -3.334597e+02 0 7.070912e+02 1.831104e+02 1.93013e+00 0 0 1 3.318498e-03
+Tr: 0 -1 0 0.01 0 0 -1 -0.08 1 0 0 -0.27
+";
+
+    fn read(content: &str) -> Result<Calibration> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("calib.txt");
+        std::fs::write(&path, content).unwrap();
+        Calibration::read(&path)
+    }
+
+    #[test]
+    fn the_lidar_looks_along_the_camera_and_camera_2_is_left_of_camera_0() {
+        let calibration = read(CALIB).unwrap();
+        let ahead = calibration.camera_from_velodyne * nalgebra::Point3::new(10.0, 1.0, 0.0);
+        assert!((ahead - nalgebra::Point3::new(-0.99, -0.08, 9.73)).norm() < 1e-12);
+        let x_m = calibration.camera(2).from_reference_m.x;
+        assert!((0.05..0.07).contains(&x_m), "{x_m}");
+    }
+
+    #[test]
+    fn a_written_calibration_is_read_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("calib.txt");
+        let calibration = read(CALIB).unwrap();
+        write_calibration(&path, &calibration).unwrap();
+        let back = Calibration::read(&path).unwrap();
+        for (a, b) in calibration.projections().iter().zip(back.projections()) {
+            assert!((a - b).amax() < 1e-9);
+        }
+        let difference = calibration.camera_from_velodyne.inverse() * back.camera_from_velodyne;
+        assert!(difference.translation.vector.norm() + difference.rotation.angle() < 1e-9);
+    }
+
+    #[test]
+    fn a_missing_or_wrong_line_is_named() {
+        let without = |key: &str| {
+            let lines: Vec<&str> = CALIB.lines().filter(|line| !line.starts_with(key)).collect();
+            read(&lines.join("\n")).unwrap_err()
+        };
+        assert!(matches!(without("Tr"), Error::MissingCalibration { key, .. } if key == "Tr"));
+        assert!(matches!(without("P2"), Error::MissingCalibration { key, .. } if key == "P2"));
+        let said = read(&CALIB.replace("0.01", "nan")).unwrap_err().to_string();
+        assert!(said.contains("calib.txt:5: `nan` is not a finite number"), "{said}");
+        assert!(matches!(read(&CALIB.replace(" 0.01", "")), Err(Error::BadRow { line: 5, found: 11, .. })));
+        assert!(
+            matches!(read(&CALIB.replace("P2: 7", "P2: -7")), Err(Error::BadProjection { key, .. }) if key == "P2")
+        );
+        assert!(matches!(read(&CALIB.replace("Tr: 0 -1", "Tr: 0 -1.1")), Err(Error::NotARotation { line: 5, .. })));
+        assert!(matches!(read(&CALIB.replace("Tr: 0 -1", "Tr: 0 1")), Err(Error::NotARotation { .. })));
+    }
+}

@@ -6,6 +6,8 @@
 mod calibration;
 mod scan;
 mod sequence;
+#[cfg(test)]
+mod tests;
 
 pub use calibration::{Calibration, write_calibration};
 pub use scan::{Scan, ScanPoint, read_scan, write_scan};

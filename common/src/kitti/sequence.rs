@@ -204,3 +204,84 @@ fn frames(folder: &Path, extension: &str) -> Result<Vec<usize>> {
     frames.sort_unstable();
     Ok(frames)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A root with sequences 03 and 04; 04 has two times, one scan, one image.
+    fn root() -> tempfile::TempDir {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("sequences/04");
+        for name in ["velodyne", "image_2", "../03", "../../poses"] {
+            std::fs::create_dir_all(folder.join(name)).unwrap();
+        }
+        write_times(folder.join("times.txt"), &[0.0, 0.103_662]).unwrap();
+        for name in ["velodyne/000010.bin", "velodyne/000002.bin", "velodyne/notes.bin", "image_2/000001.png"] {
+            std::fs::write(folder.join(name), b"").unwrap();
+        }
+        root
+    }
+
+    #[test]
+    fn a_missing_sequence_says_which_ones_are_there() {
+        let root = root();
+        for name in ["05", "..", "", "04/velodyne"] {
+            let error = Sequence::open(root.path(), name).unwrap_err();
+            assert!(error.to_string().contains("which holds 03, 04; choose one"), "{error}");
+        }
+        let elsewhere = Sequence::open(root.path().join("poses"), "04").unwrap_err();
+        assert!(matches!(elsewhere, Error::NotKitti { .. }));
+    }
+
+    #[test]
+    fn frames_are_those_with_a_file_in_order() {
+        let root = root();
+        let sequence = Sequence::open(root.path(), "04").unwrap();
+        assert_eq!(sequence.scan_frames().unwrap(), [2, 10]);
+        assert_eq!(sequence.image_frames(2).unwrap(), [1]);
+        assert!(sequence.scan_path(10).is_file() && sequence.image_path(2, 1).is_file());
+        let said = sequence.image_frames(3).unwrap_err().to_string();
+        assert!(said.contains("image_3"), "{said}");
+    }
+
+    #[test]
+    fn poses_of_the_wrong_length_say_both_counts() {
+        let root = root();
+        let sequence = Sequence::open(root.path(), "04").unwrap();
+        write_poses(sequence.poses_path(), &[Pose::identity(); 3]).unwrap();
+        let said = sequence.poses().unwrap_err().to_string();
+        assert!(said.contains("04.txt has 3 poses but") && said.contains("times.txt has 2 times; use"), "{said}");
+        write_poses(sequence.poses_path(), &[Pose::identity(); 2]).unwrap();
+        assert_eq!(sequence.poses().unwrap(), [Pose::identity(); 2]);
+    }
+
+    #[test]
+    fn a_faulty_row_is_named() {
+        let root = root();
+        let path = root.path().join("rows.txt");
+        let read = |content: &str| {
+            std::fs::write(&path, content).unwrap();
+            (read_poses(&path), read_times(&path))
+        };
+        assert!(matches!(read("1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0\n").0, Err(Error::BadRow { line: 2, found: 3, .. })));
+        assert!(matches!(read("1 0 0 x 0 1 0 0 0 0 1 0\n").0, Err(Error::BadNumber { line: 1, .. })));
+        assert!(matches!(read("2 0 0 0 0 2 0 0 0 0 2 0\n").0, Err(Error::NotARotation { line: 1, .. })));
+        assert!(matches!(read("0\n0.1\n\n0.1\n").1, Err(Error::TimeOrder { line: 4, .. })));
+        std::fs::write(&path, b"0\n\xff").unwrap();
+        assert!(matches!(read_times(&path), Err(Error::NotText { at: 2, .. })));
+    }
+
+    #[test]
+    fn rounded_rotations_become_rotations() {
+        let root = root();
+        let path = root.path().join("rounded.txt");
+        let c = 0.1_f64.cos();
+        let s = 0.1_f64.sin();
+        std::fs::write(&path, format!("{c:.4} 0 {s:.4} 7 0 1 0 8 -{s:.4} 0 {c:.4} 9\n")).unwrap();
+        let pose = read_poses(&path).unwrap()[0];
+        assert!((pose.rotation.norm() - 1.0).abs() < 1e-12);
+        assert!((pose.rotation.angle() - 0.1).abs() < 1e-4);
+        assert!((pose.translation.vector - nalgebra::Vector3::new(7.0, 8.0, 9.0)).norm() < 1e-12);
+    }
+}

@@ -58,3 +58,21 @@ fn distance_to_path_m2(path: &[Point3<f64>], point: &Point3<f64>) -> f64 {
     }
     nearest_m2
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::Road;
+
+    #[test]
+    fn the_nearest_road_is_nearest_to_its_path_and_not_to_its_vertices() {
+        let road = |points: &[[f64; 3]]| Road { path_map: points.iter().map(|&p| Point3::from(p)).collect() };
+        let mut map = SemanticMap::default();
+        assert_eq!(map.nearest_road(&Point3::origin()), None);
+        map.roads = vec![road(&[]), road(&[[0.0, 0.0, 0.0], [0.0, 0.0, 100.0]]), road(&[[10.0, 0.0, 50.0]])];
+        assert_eq!(map.nearest_road(&Point3::new(4.0, 0.0, 50.0)), Some(RoadId(1)));
+        assert_eq!(map.nearest_road(&Point3::new(8.0, 0.0, 50.0)), Some(RoadId(2)));
+        let bounds = map.bounds().unwrap();
+        assert_eq!((bounds.min_map, bounds.max_map), (Point3::origin(), Point3::new(10.0, 0.0, 100.0)));
+    }
+}

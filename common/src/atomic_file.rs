@@ -22,7 +22,7 @@ pub fn write(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
 /// Writes to `path` what `content` writes, buffered, replacing what is there.
 ///
 /// # Errors
-/// As [`write`], and whatever `content` returns; `E` is the error type of the
+/// As [`write()`], and whatever `content` returns; `E` is the error type of the
 /// caller. Then `path` is as it was.
 pub fn write_with<E: From<Error>>(
     path: impl AsRef<Path>,

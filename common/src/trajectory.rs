@@ -85,18 +85,13 @@ impl Trajectory {
     /// # Errors
     /// As [`atomic_file::write`].
     pub fn write_kitti(&self, path: impl AsRef<Path>) -> Result<()> {
-        let mut content = String::new();
-        let mut next = 0;
+        let rows = self.stamps.iter().map(|stamp| stamp.frame + 1).max().unwrap_or(0);
+        let mut rows = vec!["nan nan nan nan nan nan nan nan nan nan nan nan".to_owned(); rows];
         for stamp in &self.stamps {
-            while next < stamp.frame {
-                content.push_str("nan nan nan nan nan nan nan nan nan nan nan nan\n");
-                next += 1;
-            }
-            content.push_str(&text::pose_row(&stamp.map_from_camera));
-            content.push('\n');
-            next = stamp.frame + 1;
+            rows[stamp.frame] = text::pose_row(&stamp.map_from_camera);
         }
-        atomic_file::write(path, content.as_bytes())
+        rows.push(String::new());
+        atomic_file::write(path, rows.join("\n").as_bytes())
     }
 
     /// Reads TUM lines; the frame of each is the one of `times_s` (ascending)

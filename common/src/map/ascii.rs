@@ -5,9 +5,10 @@ use std::fmt::Write as _;
 
 use super::{LaneKind, PoleKind, SemanticMap, SignKind};
 
-/// The map as text: `kind road numbers..`, metres with two decimals in the
-/// map frame; a pole's two control points (eq. 1), a sign's centroid and size
-/// (eq. 2), a lane line's vertices (eq. 3).
+/// The landmarks as text: `kind road numbers..`, metres with two decimals in
+/// the map frame; a pole's two control points (eq. 1; its rough size is their
+/// distance), a sign's centroid and size (eq. 2), a lane line's vertices
+/// (eq. 3). The paths of the roads are left out, as in the paper.
 pub fn ascii(map: &SemanticMap) -> String {
     let mut out = String::new();
     // Writing to a string cannot fail.
@@ -79,5 +80,43 @@ impl LaneKind {
             Self::Solid => "solid-line",
             Self::Dashed => "dashed-line",
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::{LaneLine, Pole, RoadId, Sign};
+    use nalgebra::Point3;
+
+    #[test]
+    fn a_landmark_is_a_line() {
+        let road = RoadId(2);
+        let map = SemanticMap {
+            poles: vec![Pole {
+                kind: PoleKind::LampPost,
+                foot_map: Point3::new(-4.5, 1.6, 30.0),
+                top_map: Point3::new(-4.47, -4.6, 29.98),
+                road,
+            }],
+            signs: vec![Sign {
+                kind: SignKind::TrafficSign,
+                centroid_map: Point3::new(4.2, -0.6, 20.0),
+                size_m: 0.85,
+                road,
+            }],
+            lanes: vec![LaneLine {
+                kind: LaneKind::Dashed,
+                points_map: vec![Point3::new(-1.8, 1.65, 5.0), Point3::new(-1.8, 1.65, 15.0)],
+                road,
+            }],
+            ..SemanticMap::default()
+        };
+        let expected = "\
+lamp-post 2 -4.50 1.60 30.00 -4.47 -4.60 29.98
+traffic-sign 2 4.20 -0.60 20.00 0.85
+dashed-line 2 -1.80 1.65 5.00 -1.80 1.65 15.00
+";
+        assert_eq!(ascii(&map), expected);
     }
 }

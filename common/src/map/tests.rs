@@ -176,6 +176,58 @@ fn an_empty_map_is_a_map() {
     assert_eq!(layout(&encode(&empty)).unwrap().bounds, None);
 }
 
+/// A bend of 300 m radius, 400 m long, in stretches of 50 m, with landmarks
+/// scattered as on a real street.
+fn street() -> SemanticMap {
+    let at = |s_m: f64, right_m: f64, down_m: f64| {
+        let angle = s_m / 300.0;
+        Point3::new(300.0 - (300.0 - right_m) * angle.cos(), down_m + 0.01 * s_m, (300.0 - right_m) * angle.sin())
+    };
+    // Any value in -1..1 that no rule of the encoder could guess.
+    let scatter = |i: usize, salt: f64| (12.9898 * i as f64 + salt).sin();
+    let road = |s_m: f64| RoadId((s_m / 50.0) as u32);
+    let mut map = SemanticMap { frame_note: "kitti 04".into(), ..SemanticMap::default() };
+    for stretch in 0..8_u32 {
+        let path = (0..=2).map(|i| at(f64::from(stretch) * 50.0 + 25.0 * f64::from(i), 0.0, 0.0));
+        map.roads.push(Road { path_map: path.collect() });
+    }
+    for i in 0..80 {
+        let s_m = 5.0 * i as f64;
+        let foot_map = at(s_m, 9.0 * scatter(i, 1.0), 1.6 + 0.2 * scatter(i, 2.0));
+        let height_m = 4.0 + 3.0 * scatter(i, 3.0);
+        let top_map = foot_map + nalgebra::Vector3::new(0.2 * scatter(i, 4.0), -height_m, 0.2 * scatter(i, 5.0));
+        map.poles.push(Pole { kind: PoleKind::ALL[i % 2], foot_map, top_map, road: road(s_m) });
+        let centroid_map = at(s_m, 9.0 * scatter(i, 6.0), -1.0 + scatter(i, 7.0));
+        let size_m = 0.8 + 0.3 * scatter(i, 8.0);
+        map.signs.push(Sign { kind: SignKind::TrafficSign, centroid_map, size_m, road: road(s_m) });
+    }
+    for (i, &right_m) in [-3.6, 0.0, 3.6].iter().cycle().take(24).enumerate() {
+        let from_m = 50.0 * (i / 3) as f64;
+        let vertex = |j: usize| {
+            at(from_m + 10.0 * j as f64 + scatter(9 * i + j, 1.0), right_m, 1.65 + 0.02 * scatter(9 * i + j, 2.0))
+        };
+        let points_map = (0..5).map(vertex).collect();
+        map.lanes.push(LaneLine { kind: LaneKind::ALL[i % 2], points_map, road: road(from_m) });
+    }
+    map
+}
+
+#[test]
+fn landmarks_take_few_bytes() {
+    let layout = layout(&encode(&street())).unwrap();
+    let bytes_per_item = |names: &[&str]| {
+        let sections = layout.sections.iter().filter(|section| names.contains(&section.name.as_str()));
+        let (bytes, items) = sections.fold((0, 0), |sum, s| (sum.0 + s.bytes, sum.1 + s.items));
+        bytes as f64 / items as f64
+    };
+    let header = bytes_per_item(&["header"]) + bytes_per_item(&["checksum"]);
+    let pole = bytes_per_item(&["lamp-post", "sign-post"]);
+    let sign = bytes_per_item(&["traffic-sign"]);
+    let lane_vertex = bytes_per_item(&["solid-line", "dashed-line"]) / 5.0;
+    let said = format!("header {header}, pole {pole}, sign {sign}, lane vertex {lane_vertex}");
+    assert!(header <= 40.0 && pole <= 9.2 && sign <= 6.2 && lane_vertex <= 4.3, "{said}");
+}
+
 fn point(range_m: f64) -> impl Strategy<Value = Point3<f64>> {
     prop::array::uniform3(-range_m..range_m).prop_map(Point3::from)
 }

@@ -307,7 +307,13 @@ proptest! {
     }
 
     #[test]
-    fn the_order_of_landmarks_does_not_change_the_bytes(map in landmarks()) {
+    fn the_order_of_landmarks_does_not_change_the_bytes(mut map in landmarks(), tied in any::<bool>()) {
+        // Side by side, only their other values can tell landmarks apart.
+        let anchors = map.poles.iter_mut().map(|pole| &mut pole.foot_map);
+        let anchors = anchors.chain(map.signs.iter_mut().map(|sign| &mut sign.centroid_map));
+        for anchor in anchors.chain(map.lanes.iter_mut().map(|lane| &mut lane.points_map[0])).filter(|_| tied) {
+            (anchor.x, anchor.z) = (0.0, 0.0);
+        }
         let mut turned = map.clone();
         turned.poles.reverse();
         turned.signs.reverse();

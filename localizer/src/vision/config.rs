@@ -1,0 +1,233 @@
+//! Settings of the way from probabilities to features.
+
+use serde::{Deserialize, Serialize};
+
+/// Everything that can be set here. Pixels are those of the image.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct VisionConfig {
+    /// Poles.
+    pub poles: PoleConfig,
+    /// Signs and lights.
+    pub signs: SignConfig,
+    /// Lane lines.
+    pub lanes: LaneConfig,
+}
+
+/// Regions of the class pole to centre lines.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PoleConfig {
+    /// Probability from which a pixel belongs to a region; the paper's 0.1.
+    /// So low that poles in front of foliage stay whole; the line weighs its
+    /// pixels with their probabilities, so the faint rim counts little.
+    pub threshold: f64,
+    /// Probability that one pixel of a region must reach. Faint regions
+    /// without a core are foliage and shadows.
+    pub seed: f64,
+    /// Smallest mean over the rows of their largest probability: what stays
+    /// below it was foliage, window frames and shadows in 9 of 11 cases.
+    pub min_probability: f64,
+    /// Distance from the line within which a row of a region supports it,
+    /// pixels: the raggedness of masks.
+    pub inlier_px: f64,
+    /// The same as a share of the pole's width; the larger one holds.
+    pub inlier_width_share: f64,
+    /// Pairs of rows that are tried per line. With half of the rows outliers,
+    /// 48 pairs miss the line with a chance of one in a million.
+    pub ransac_rounds: usize,
+    /// Seed of the choice of pairs.
+    pub ransac_seed: u64,
+    /// Lines that one region may hold: crossing and touching poles.
+    pub lines_per_region: usize,
+    /// Largest angle from the image's vertical, degrees. Poles lean by less
+    /// than 5, and a camera pitched by 5 shows those at its border tilted by
+    /// as much again; braces, wires and branches lean by more.
+    pub max_tilt_deg: f64,
+    /// Shortest line, pixels: a delineator, 1 m, at 60 m.
+    pub min_length_px: f64,
+    /// Smallest ratio of length to width: a delineator, 1 m by 0.2 m, with a
+    /// mask that is 1 px too wide on either side.
+    pub min_aspect: f64,
+    /// Largest root mean square distance of the centres of the rows from the
+    /// line, pixels.
+    pub max_residual_px: f64,
+    /// The same as a share of the width; the larger one holds.
+    pub max_residual_width_share: f64,
+    /// Share of the rows between its ends in which a pole must be seen.
+    pub min_coverage: f64,
+    /// Longest gap between two pieces of one pole, as a share of the longer
+    /// piece. A gap that signs or lights fill may be of any length.
+    pub max_gap_share: f64,
+    /// Standard deviation of a mask's centre that is common to all its rows,
+    /// pixels: the network's own bias.
+    pub mask_sigma_px: f64,
+    /// Rows over which the error of a mask is about the same, pixels: the
+    /// stride of a segmentation network before its last upsampling.
+    pub correlation_px: f64,
+}
+
+impl Default for PoleConfig {
+    fn default() -> Self {
+        Self {
+            threshold: 0.1,
+            seed: 0.35,
+            min_probability: 0.2,
+            inlier_px: 1.5,
+            inlier_width_share: 0.3,
+            ransac_rounds: 48,
+            ransac_seed: 1,
+            lines_per_region: 4,
+            max_tilt_deg: 12.0,
+            min_length_px: 12.0,
+            min_aspect: 3.0,
+            max_residual_px: 0.9,
+            max_residual_width_share: 0.12,
+            min_coverage: 0.7,
+            max_gap_share: 1.0,
+            mask_sigma_px: 0.5,
+            correlation_px: 8.0,
+        }
+    }
+}
+
+/// Regions of the classes sign and light to points.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SignConfig {
+    /// Probability from which a pixel belongs to a region. Higher than for
+    /// poles: a sign is compact, and its rim moves its centre.
+    pub threshold: f64,
+    /// Probability that one pixel of a region must reach: adverts and foliage
+    /// stay below it more often than signs.
+    pub seed: f64,
+    /// Smallest region, pixels: a plate of 0.6 m at 50 m.
+    pub min_area_px: usize,
+    /// Smallest share of its bounding box that a region fills; a disc fills
+    /// 0.79, a triangle 0.5, what a network sees in foliage less.
+    pub min_fill: f64,
+    /// Largest ratio of the sides of the bounding box. Two plates above each
+    /// other reach 2.5; gutters and eaves are longer.
+    pub max_aspect: f64,
+    /// Largest side of the bounding box, pixels: a plate of 0.9 m is that
+    /// large at 6 m; adverts and shop fronts are larger.
+    pub max_extent_px: f64,
+    /// Standard deviation of the centre, pixels.
+    pub sigma_px: f64,
+    /// The same as a share of the larger side of the bounding box; both add
+    /// up as variances.
+    pub sigma_extent_share: f64,
+}
+
+impl Default for SignConfig {
+    fn default() -> Self {
+        Self {
+            threshold: 0.5,
+            seed: 0.7,
+            min_area_px: 40,
+            min_fill: 0.5,
+            max_aspect: 3.5,
+            max_extent_px: 110.0,
+            sigma_px: 0.5,
+            sigma_extent_share: 0.06,
+        }
+    }
+}
+
+/// Regions of the class lane line to curves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LaneConfig {
+    /// Probability from which a pixel belongs to a region. Lane networks give
+    /// nearly hard masks, so this moves little.
+    pub threshold: f64,
+    /// Probability that one pixel of a region must reach.
+    pub seed: f64,
+    /// Smallest region, pixels.
+    pub min_area_px: usize,
+    /// Shortest piece of a curve, pixels, that is joined to others: shorter
+    /// ones have no direction.
+    pub min_piece_px: f64,
+    /// Length at either end of a piece, pixels, over which its direction is
+    /// taken: lanes are straight over so little.
+    pub direction_px: f64,
+    /// Longest gap that is joined, as a share of the longer piece: dashes of
+    /// 3 m with gaps of 6 m, and of 6 m with 12 m.
+    pub max_gap_share: f64,
+    /// A gap of this length, pixels, may always be joined.
+    pub min_gap_px: f64,
+    /// How far a piece's end may lie beside the other one's extension, pixels.
+    pub max_offset_px: f64,
+    /// By how much that grows per pixel of the gap: curves.
+    pub max_offset_per_gap: f64,
+    /// By how much a line may bend where two pieces are joined, degrees, on
+    /// top of what their scatter leaves open: a kerb that takes over from a
+    /// lane line bends by 4, a road of 100 m radius by 2 over a gap of 4 m.
+    pub max_bend_deg: f64,
+    /// Shortest curve, pixels.
+    pub min_length_px: f64,
+    /// Smallest ratio of length to width: arrows and letters are below it.
+    pub min_aspect: f64,
+    /// Smallest angle from the image's horizontal, degrees: stop lines are
+    /// below it, and lanes further than 20 m to the side.
+    pub min_slope_deg: f64,
+    /// Where the ground is; without it the straight line is fitted to the
+    /// whole curve.
+    pub ground: Option<Ground>,
+    /// Nearest distance ahead of the part that the straight line is fitted
+    /// to, metres; the paper's 5.
+    pub near_m: f64,
+    /// Its farthest distance, metres; the paper's 20.
+    pub far_m: f64,
+    /// Standard deviation of a mask's centre that is common to all its rows,
+    /// pixels: the network's own bias.
+    pub mask_sigma_px: f64,
+    /// Length over which the error of a mask is about the same, pixels.
+    pub correlation_px: f64,
+}
+
+/// The flat ground ahead of a camera without pitch and roll: what lies at
+/// distance z is in row `horizon_px + focal_px camera_height_m / z`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ground {
+    /// Row of the horizon, pixels: the principal point's, less the focal
+    /// length times the camera's pitch.
+    pub horizon_px: f64,
+    /// Focal length, pixels.
+    pub focal_px: f64,
+    /// Height of the camera over the ground, metres; KITTI: 1.65.
+    pub camera_height_m: f64,
+}
+
+impl Ground {
+    /// The row of what lies on the ground at this distance ahead.
+    pub fn row_px(&self, distance_m: f64) -> f64 {
+        self.horizon_px + self.focal_px * self.camera_height_m / distance_m
+    }
+}
+
+impl Default for LaneConfig {
+    fn default() -> Self {
+        Self {
+            threshold: 0.3,
+            seed: 0.6,
+            min_area_px: 30,
+            min_piece_px: 6.0,
+            direction_px: 50.0,
+            max_gap_share: 2.0,
+            min_gap_px: 12.0,
+            max_offset_px: 2.0,
+            max_offset_per_gap: 0.03,
+            max_bend_deg: 2.5,
+            min_length_px: 20.0,
+            min_aspect: 3.0,
+            min_slope_deg: 4.0,
+            ground: None,
+            near_m: 5.0,
+            far_m: 20.0,
+            mask_sigma_px: 1.0,
+            correlation_px: 8.0,
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! What can go wrong between an image file and its features.
+
+use std::path::PathBuf;
+
+/// Errors of images, probability maps and networks. Each message is one
+/// sentence: the file, what is wrong with it, what to do.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// Reading or writing failed, or a settings file is wrong.
+    #[error(transparent)]
+    Common(#[from] common::Error),
+    /// A PNG that cannot be decoded or encoded.
+    #[error("{}: {source}; give an intact PNG image", path.display())]
+    Decode {
+        /// The image.
+        path: PathBuf,
+        /// What the decoder says.
+        source: png::DecodingError,
+    },
+    /// A PNG that cannot be written.
+    #[error("{} cannot be written as PNG: {source}; check the disk and the folder", path.display())]
+    Encode {
+        /// The image.
+        path: PathBuf,
+        /// What the encoder says.
+        source: png::EncodingError,
+    },
+    /// A PNG of another kind than needed.
+    #[error("{} is a PNG of kind {found}, and {expected} is needed; convert it", path.display())]
+    PixelKind {
+        /// The image.
+        path: PathBuf,
+        /// Its colour type and bit depth.
+        found: String,
+        /// What is needed.
+        expected: &'static str,
+    },
+    /// An image of another size than the others of its sequence.
+    #[error(
+        "{} has {}x{} px where {}x{} px are expected; give images (and probability maps) of one size, \
+         the one that the calibration was made for",
+        path.display(), found.0, found.1, expected.0, expected.1
+    )]
+    ImageSize {
+        /// The image.
+        path: PathBuf,
+        /// Its width and height, pixels.
+        found: (usize, usize),
+        /// The width and height that belong there, pixels.
+        expected: (usize, usize),
+    },
+    /// An image that cannot be the one that was calibrated.
+    #[error(
+        "{} has {}x{} px, but the calibration puts the optical axis at ({:.1}, {:.1}) px, far off its centre; \
+         give the images that `calib.txt` was made for, neither scaled nor cropped",
+        path.display(), found.0, found.1, principal_point_px.0, principal_point_px.1
+    )]
+    OffCentre {
+        /// The image.
+        path: PathBuf,
+        /// Its width and height, pixels.
+        found: (usize, usize),
+        /// Principal point of the calibration, pixels.
+        principal_point_px: (f64, f64),
+    },
+    /// A probability map of another size than the other maps.
+    #[error("the probability map of class {class} has {}x{} px and the others have {}x{}; give maps of one size", found.0, found.1, expected.0, expected.1)]
+    PlaneSize {
+        /// The class.
+        class: &'static str,
+        /// Its width and height, pixels.
+        found: (usize, usize),
+        /// Width and height of the others, pixels.
+        expected: (usize, usize),
+    },
+    /// A folder without the map of any class for a frame.
+    #[error("{} holds no probability map of frame {frame:06} (looked for pole, sign, light and lane/{frame:06}.png); give the folder above them, or run with networks", folder.display())]
+    NoLabels {
+        /// The folder.
+        folder: PathBuf,
+        /// The frame.
+        frame: usize,
+    },
+    /// A network that cannot be loaded.
+    #[error("{} cannot be loaded as an ONNX network: {message}; give an intact .onnx file", path.display())]
+    LoadNetwork {
+        /// The network.
+        path: PathBuf,
+        /// What the runtime says.
+        message: String,
+    },
+    /// A network that nothing is known about.
+    #[error("{} is no known network (its inputs and outputs are {signature}); describe it in {}", path.display(), description.display())]
+    UnknownNetwork {
+        /// The network.
+        path: PathBuf,
+        /// Its inputs and outputs, with shapes.
+        signature: String,
+        /// The file in which to describe it.
+        description: PathBuf,
+    },
+    /// A network and its description that contradict each other.
+    #[error("{} does not fit its description: {message} (its inputs and outputs are {signature}); correct {}", path.display(), description.display())]
+    NetworkMismatch {
+        /// The network.
+        path: PathBuf,
+        /// What does not fit.
+        message: String,
+        /// Its inputs and outputs, with shapes.
+        signature: String,
+        /// The file with the description.
+        description: PathBuf,
+    },
+    /// A network that failed while running.
+    #[error("{} failed while running: {message}; check its description", path.display())]
+    RunNetwork {
+        /// The network.
+        path: PathBuf,
+        /// What the runtime says.
+        message: String,
+    },
+}

@@ -1,0 +1,78 @@
+//! Probability maps as files: `FOLDER/{pole,sign,light,lane}/{frame:06}.png`,
+//! 8-bit grey, `value / 255` the probability, each of the image's size.
+//!
+//! A class without a file for the frame has probability zero everywhere.
+
+use std::path::{Path, PathBuf};
+
+use super::image::{check_size, read_grey_png, write_grey_png};
+use super::{Class, Error, ProbabilityMaps};
+
+/// Where the map of a class and frame lies.
+pub fn path(folder: &Path, class: Class, frame: usize) -> PathBuf {
+    folder.join(class.name()).join(format!("{frame:06}.png"))
+}
+
+/// Reads the maps of a frame. With `expected`, the size of the image, a map
+/// of another size is an error; else all have the size of the first.
+///
+/// # Errors
+/// [`Error::NoLabels`] where no class has a map of this frame,
+/// [`Error::ImageSize`] where one has another size than the others or than
+/// the image, and what [`read_grey_png`] says.
+pub fn read(folder: &Path, frame: usize, expected: Option<(usize, usize)>) -> Result<ProbabilityMaps, Error> {
+    let mut maps: Option<ProbabilityMaps> = None;
+    for class in Class::ALL {
+        let path = path(folder, class, frame);
+        if !path.exists() {
+            continue;
+        }
+        let plane = read_grey_png(&path)?;
+        let size = (plane.width(), plane.height());
+        check_size(&path, size, expected.or(maps.as_ref().map(|m| (m.width(), m.height()))).unwrap_or(size))?;
+        maps.get_or_insert_with(|| ProbabilityMaps::zeros(size.0, size.1)).set(class, plane)?;
+    }
+    maps.ok_or_else(|| Error::NoLabels { folder: folder.into(), frame })
+}
+
+/// Writes the maps of a frame, all four classes; folders are created.
+///
+/// # Errors
+/// [`common::Error::Io`] where a folder cannot be created, and what
+/// [`write_grey_png`] says.
+pub fn write(folder: &Path, frame: usize, maps: &ProbabilityMaps) -> Result<(), Error> {
+    for class in Class::ALL {
+        let path = path(folder, class, frame);
+        let inner = folder.join(class.name());
+        std::fs::create_dir_all(&inner).map_err(common::Error::io(&inner))?;
+        write_grey_png(&path, maps.plane(class))?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::Plane;
+
+    #[test]
+    fn maps_survive_the_files_and_an_absent_class_is_zero() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut maps = ProbabilityMaps::zeros(3, 2);
+        maps.set(Class::Pole, Plane::new(3, vec![0, 1, 2, 253, 254, 255]).unwrap()).unwrap();
+        write(folder.path(), 7, &maps).unwrap();
+        assert_eq!(read(folder.path(), 7, Some((3, 2))).unwrap(), maps);
+        std::fs::remove_dir_all(folder.path().join("lane")).unwrap();
+        assert_eq!(read(folder.path(), 7, None).unwrap(), maps);
+    }
+
+    #[test]
+    fn a_missing_frame_and_a_wrong_size_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path(), 7, &ProbabilityMaps::zeros(3, 2)).unwrap();
+        assert!(matches!(read(folder.path(), 8, None), Err(Error::NoLabels { frame: 8, .. })));
+        write_grey_png(path(folder.path(), Class::Light, 7), &Plane::zeros(2, 2)).unwrap();
+        let error = read(folder.path(), 7, None).unwrap_err().to_string();
+        assert!(error.contains("000007.png has 2x2 px where 3x2"), "{error}");
+    }
+}

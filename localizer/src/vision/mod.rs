@@ -1,0 +1,36 @@
+//! Images to features (section IV.B): class probabilities from networks or
+//! files, regions, and the lines and points that they stand for.
+//!
+//! Coordinates are pixels of the image, (0, 0) the centre of the top-left
+//! pixel, u right, v down.
+
+mod centre;
+pub mod config;
+mod error;
+pub mod image;
+pub mod labels;
+pub mod lanes;
+pub mod network;
+mod plane;
+pub mod poles;
+pub mod regions;
+pub mod signs;
+#[cfg(test)]
+mod synthetic;
+
+pub use config::VisionConfig;
+pub use error::Error;
+pub use image::{RgbImage, read_png, write_png};
+pub use network::Network;
+pub use plane::{Class, Plane, ProbabilityMaps};
+
+use crate::features::Features;
+
+/// The features of an image: the same from the same maps, always.
+pub fn extract(maps: &ProbabilityMaps, config: &VisionConfig) -> Features {
+    Features {
+        poles: poles::extract(maps, &config.poles),
+        lanes: lanes::extract(maps, &config.lanes),
+        signs: signs::extract(maps, &config.signs),
+    }
+}

@@ -1,0 +1,170 @@
+//! Images to network inputs and network outputs to image planes: bilinear,
+//! with the centres of pixels at half-integers of the image's extent, so that
+//! nothing shifts when the size changes.
+
+use crate::vision::{Plane, RgbImage};
+
+use super::spec::{ChannelOrder, Fit, Layout, NetworkSpec};
+
+/// Where a network sees an image: network pixels per image pixel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct View {
+    /// Width and height of the network's input, pixels.
+    pub(super) size: (usize, usize),
+    scale: (f64, f64),
+}
+
+impl View {
+    /// How an image of `image` pixels lies in an input of `size` pixels.
+    pub(super) fn new(fit: Fit, image: (usize, usize), size: (usize, usize)) -> Self {
+        let scale = (size.0 as f64 / image.0 as f64, size.1 as f64 / image.1 as f64);
+        let scale = match fit {
+            Fit::Stretch => scale,
+            Fit::Pad => (scale.0.min(scale.1), scale.0.min(scale.1)),
+        };
+        Self { size, scale }
+    }
+}
+
+/// Two neighbours and the share of the second.
+#[derive(Debug, Clone, Copy)]
+struct Tap {
+    first: usize,
+    second: usize,
+    share: f32,
+}
+
+/// The taps of the outputs that see the input, `step` input pixels apart: all
+/// of them, or where the input is padded, the leading ones.
+fn taps(outputs: usize, inputs: usize, step: f64) -> Vec<Tap> {
+    let last = inputs.saturating_sub(1);
+    (0..outputs)
+        .map(|output| (output as f64 + 0.5) * step - 0.5)
+        .take_while(|&at| at < inputs as f64 - 0.5 + 1e-9)
+        .map(|at| {
+            let at = at.clamp(0.0, last as f64);
+            Tap { first: at as usize, second: (at as usize + 1).min(last), share: (at - at.floor()) as f32 }
+        })
+        .collect()
+}
+
+/// The image as the network wants it: resized, normalised, in its layout.
+/// Padding is black before normalisation.
+pub(super) fn to_input(image: &RgbImage, view: &View, spec: &NetworkSpec) -> Vec<f32> {
+    let (width, height) = view.size;
+    let columns = taps(width, image.width(), 1.0 / view.scale.0);
+    let rows = taps(height, image.height(), 1.0 / view.scale.1);
+    let (pixel, plane) = match spec.layout {
+        Layout::Nchw => (1, width * height),
+        Layout::Nhwc => (3, 1),
+    };
+    let mut input = vec![0.0; 3 * width * height];
+    let mut blended = vec![0.0_f32; 3 * image.width()];
+    for y in 0..height {
+        blended.fill(0.0);
+        if let Some(tap) = rows.get(y) {
+            let pair = image.row(tap.first).iter().zip(image.row(tap.second));
+            for (out, (&a, &b)) in blended.iter_mut().zip(pair) {
+                *out = lerp(f32::from(a), f32::from(b), tap.share);
+            }
+        }
+        for channel in 0..3 {
+            let from = match spec.channels {
+                ChannelOrder::Rgb => channel,
+                ChannelOrder::Bgr => 2 - channel,
+            };
+            let (gain, bias) = spec.gain_and_bias(channel);
+            let at = y * width * pixel + channel * plane;
+            let outputs = input.iter_mut().skip(at).step_by(pixel).take(width);
+            let seen = columns.iter().map(|tap| {
+                lerp(blended[3 * tap.first + from], blended[3 * tap.second + from], tap.share)
+            });
+            for (out, value) in outputs.zip(seen.chain(std::iter::repeat(0.0))) {
+                *out = value * gain + bias;
+            }
+        }
+    }
+    input
+}
+
+/// A plane of probabilities that the network gave over its whole input,
+/// `size` pixels, as a plane of the image, `image` pixels.
+pub(super) fn to_plane(values: &[f32], size: (usize, usize), view: &View, image: (usize, usize)) -> Plane {
+    let step = |axis: f64, output: usize, input: usize| axis * output as f64 / input as f64;
+    let columns = taps(image.0, size.0, step(view.scale.0, size.0, view.size.0));
+    let rows = taps(image.1, size.1, step(view.scale.1, size.1, view.size.1));
+    let mut plane = Plane::zeros(image.0, image.1);
+    let mut blended = vec![0.0_f32; size.0];
+    for (tap, out) in rows.iter().zip(plane.data_mut().chunks_exact_mut(image.0)) {
+        let pair = values[tap.first * size.0..].iter().zip(&values[tap.second * size.0..]);
+        for (out, (&a, &b)) in blended.iter_mut().zip(pair) {
+            *out = lerp(a, b, tap.share);
+        }
+        for (out, tap) in out.iter_mut().zip(&columns) {
+            // The cast saturates, so nothing outside 0..1 wraps around.
+            *out = (lerp(blended[tap.first], blended[tap.second], tap.share) * 255.0 + 0.5) as u8;
+        }
+    }
+    plane
+}
+
+fn lerp(a: f32, b: f32, share: f32) -> f32 {
+    a + (b - a) * share
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An image that is brighter by 2 per column and by 3 per row.
+    fn ramp(width: usize, height: usize) -> RgbImage {
+        let value = |i: usize| (2 * (i % width) + 3 * (i / width)) as u8;
+        RgbImage::new(width, (0..width * height).flat_map(|i| [value(i); 3]).collect()).unwrap()
+    }
+
+    fn spec(fit: Fit) -> NetworkSpec {
+        // Network values are probabilities x 255 in this test.
+        NetworkSpec { fit, scale: 1.0 / 255.0, ..NetworkSpec::default() }
+    }
+
+    #[test]
+    fn there_and_back_nothing_shifts() {
+        for (fit, size) in [(Fit::Stretch, (48, 39)), (Fit::Pad, (64, 30))] {
+            let image = ramp(40, 30);
+            let view = View::new(fit, (40, 30), size);
+            let input = to_input(&image, &view, &spec(fit));
+            let plane = to_plane(&input[..size.0 * size.1], size, &view, (40, 30));
+            // At the border the nearest pixel is repeated, so look inside.
+            for y in 2..28 {
+                for x in 2..38 {
+                    let (is, was) = (plane.row(y)[x], image.row(y)[3 * x]);
+                    assert!(is.abs_diff(was) <= 1, "{fit:?} {x} {y}: {is} {was}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_coarse_output_is_spread_over_the_image() {
+        // 10x5 outputs over a 20x10 input over a 40x20 image: 4 pixels per output.
+        let view = View::new(Fit::Stretch, (40, 20), (20, 10));
+        let values: Vec<f32> = (0..50).map(|i| (i % 10) as f32 / 10.0).collect();
+        let plane = to_plane(&values, (10, 5), &view, (40, 20));
+        // Output 4 has its centre at image x = 17.5, output 5 at 21.5.
+        let between = (f64::from(plane.row(9)[19]) + f64::from(plane.row(9)[20])) / 2.0;
+        assert!((between / 255.0 - 0.45).abs() < 0.003, "{between}");
+    }
+
+    #[test]
+    fn padding_is_black_and_layouts_agree() {
+        let image = ramp(8, 8);
+        let view = View::new(Fit::Pad, (8, 8), (12, 8));
+        let planar = spec(Fit::Pad);
+        let packed = NetworkSpec { layout: Layout::Nhwc, channels: ChannelOrder::Bgr, ..planar.clone() };
+        let (a, b) = (to_input(&image, &view, &planar), to_input(&image, &view, &packed));
+        assert_eq!(a[8], 0.0);
+        for i in 0..96 {
+            assert_eq!(a[i], b[3 * i]);
+        }
+    }
+}

@@ -1,0 +1,191 @@
+//! What one must know of a network to run it on an image: the content of
+//! `NAME.toml` beside `NAME.onnx`.
+
+use serde::{Deserialize, Serialize};
+
+use crate::vision::Class;
+
+/// Order of an input's or output's axes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Layout {
+    /// Batch, channel, row, column: what PyTorch exports.
+    #[default]
+    Nchw,
+    /// Batch, row, column, channel: what TensorFlow exports.
+    Nhwc,
+}
+
+/// Order of an input's colour channels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ChannelOrder {
+    /// Red first.
+    #[default]
+    Rgb,
+    /// Blue first, as OpenCV reads images.
+    Bgr,
+}
+
+/// How an image of another size comes into the input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Fit {
+    /// Each axis is scaled for itself: every input pixel shows the image. On
+    /// KITTI, 2 % apart, this loses nothing; padding raised false signs and
+    /// lanes along its edge.
+    #[default]
+    Stretch,
+    /// Both axes are scaled alike and the right or the bottom is black: for
+    /// inputs of quite another shape than the image.
+    Pad,
+}
+
+/// What makes probabilities out of a network's output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Activation {
+    /// It gives probabilities.
+    #[default]
+    None,
+    /// It gives logits of independent classes.
+    Sigmoid,
+    /// It gives logits of classes of which one holds.
+    Softmax,
+}
+
+/// The description of a network: one image in, one map of class scores out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct NetworkSpec {
+    /// Name of the input; empty for the only one.
+    pub input: String,
+    /// Name of the output; empty for the only one.
+    pub output: String,
+    /// Width of the input, pixels; 0 for the one that the network states.
+    pub width: usize,
+    /// Height of the input, pixels; 0 for the one that the network states.
+    pub height: usize,
+    /// Order of the axes, of input and output.
+    pub layout: Layout,
+    /// Order of the colours.
+    pub channels: ChannelOrder,
+    /// An input is `(byte * scale - mean) / std`: 1/255 for most networks.
+    pub scale: f64,
+    /// Mean per channel, in the order of `channels`.
+    pub mean: [f64; 3],
+    /// Standard deviation per channel, in the order of `channels`.
+    pub std: [f64; 3],
+    /// How the image comes into the input.
+    pub fit: Fit,
+    /// What makes probabilities out of the output.
+    pub activation: Activation,
+    /// Which output channels mean which class.
+    pub classes: ClassChannels,
+}
+
+/// Output channels per class, counted from 0. The probability of a class is
+/// the sum over its channels; one without channels is not told by the network.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ClassChannels {
+    /// Poles, posts, masts.
+    pub pole: Vec<usize>,
+    /// Traffic signs.
+    pub sign: Vec<usize>,
+    /// Traffic lights.
+    pub light: Vec<usize>,
+    /// Lane lines.
+    pub lane: Vec<usize>,
+}
+
+impl ClassChannels {
+    /// The channels of a class.
+    pub fn of(&self, class: Class) -> &[usize] {
+        match class {
+            Class::Pole => &self.pole,
+            Class::Sign => &self.sign,
+            Class::Light => &self.light,
+            Class::Lane => &self.lane,
+        }
+    }
+}
+
+impl Default for NetworkSpec {
+    fn default() -> Self {
+        Self {
+            input: String::new(),
+            output: String::new(),
+            width: 0,
+            height: 0,
+            layout: Layout::default(),
+            channels: ChannelOrder::default(),
+            scale: 1.0 / 255.0,
+            mean: [0.0; 3],
+            std: [1.0; 3],
+            fit: Fit::default(),
+            activation: Activation::default(),
+            classes: ClassChannels::default(),
+        }
+    }
+}
+
+impl NetworkSpec {
+    /// What a channel's byte is multiplied with, and what is added then.
+    pub(super) fn gain_and_bias(&self, channel: usize) -> (f32, f32) {
+        let (mean, std) = (self.mean[channel], self.std[channel]);
+        ((self.scale / std) as f32, (-mean / std) as f32)
+    }
+
+    /// What is wrong with it by itself, in words.
+    pub(super) fn contradiction(&self) -> Option<String> {
+        let usable = |v: &f64| v.is_finite() && *v > 0.0;
+        if !usable(&self.scale) || !self.std.iter().all(usable) || !self.mean.iter().all(|v| v.is_finite()) {
+            return Some("`scale` and `std` must be positive numbers and `mean` finite".into());
+        }
+        if Class::ALL.iter().all(|&class| self.classes.of(class).is_empty()) {
+            return Some("`classes` names no output channel for any of pole, sign, light and lane".into());
+        }
+        None
+    }
+
+    /// The description of a known network, by the name and the shape of its
+    /// output (batch, channel, row, column).
+    pub(super) fn known(output: &str, shape: &[usize]) -> Option<Self> {
+        match (output, shape) {
+            // ESPNetv2 on Cityscapes: 19 train ids, 5 pole, 6 light, 7 sign;
+            // normalised with the means of ImageNet.
+            ("class_probabilities", [1, 19, _, _]) => Some(Self {
+                mean: [0.485, 0.456, 0.406],
+                std: [0.229, 0.224, 0.225],
+                classes: ClassChannels { pole: vec![5], light: vec![6], sign: vec![7], lane: vec![] },
+                ..Self::default()
+            }),
+            // TwinLiteNet on BDD100K, its lane head only.
+            ("lane_probability", [1, 1, _, _]) => {
+                Some(Self { classes: ClassChannels { lane: vec![0], ..ClassChannels::default() }, ..Self::default() })
+            }
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_are_normalised_as_described() {
+        let spec = NetworkSpec::known("class_probabilities", &[1, 19, 384, 1248]).unwrap();
+        let (gain, bias) = spec.gain_and_bias(2);
+        assert!((f64::from(51.0 * gain + bias) - (0.2 - 0.406) / 0.225).abs() < 1e-6);
+        assert!(NetworkSpec::known("class_probabilities", &[1, 20, 384, 1248]).is_none());
+    }
+
+    #[test]
+    fn contradictions_are_told() {
+        assert!(NetworkSpec::default().contradiction().unwrap().contains("`classes`"));
+        let spec = NetworkSpec { std: [1.0, 0.0, 1.0], ..NetworkSpec::known("lane_probability", &[1, 1, 4, 4]).unwrap() };
+        assert!(spec.contradiction().unwrap().contains("`std`"));
+    }
+}

@@ -1,0 +1,121 @@
+//! Networks written by hand, byte by byte: one input, one `Sigmoid`, one
+//! output.
+
+use super::*;
+
+fn message(number: u8, content: &[u8]) -> Vec<u8> {
+    let mut length = content.len();
+    let mut bytes = vec![number << 3 | 2];
+    while length > 127 {
+        bytes.push(length as u8 | 0x80);
+        length >>= 7;
+    }
+    bytes.push(length as u8);
+    [bytes, content.to_vec()].concat()
+}
+
+fn number(field: u8, value: u8) -> Vec<u8> {
+    vec![field << 3, value]
+}
+
+/// `ValueInfoProto` of a float tensor.
+fn value(name: &str, shape: [u8; 4]) -> Vec<u8> {
+    let dims: Vec<u8> = shape.iter().flat_map(|&d| message(1, &number(1, d))).collect();
+    let tensor = [number(1, 1), message(2, &dims)].concat();
+    [message(1, name.as_bytes()), message(2, &message(1, &tensor))].concat()
+}
+
+fn sigmoid_network(output: &str, shape: [u8; 4]) -> Vec<u8> {
+    let node =
+        [message(1, b"image"), message(2, output.as_bytes()), message(3, b"only"), message(4, b"Sigmoid")].concat();
+    let graph = [
+        message(1, &node),
+        message(2, b"tiny"),
+        message(11, &value("image", shape)),
+        message(12, &value(output, shape)),
+    ]
+    .concat();
+    [number(1, 8), message(7, &graph), message(8, &number(2, 17))].concat()
+}
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn network(&self, output: &str, shape: [u8; 4], toml: Option<&str>) -> Result<Network, Error> {
+        let path = self.0.path().join("tiny.onnx");
+        std::fs::write(&path, sigmoid_network(output, shape)).unwrap();
+        if let Some(toml) = toml {
+            std::fs::write(path.with_extension("toml"), toml).unwrap();
+        }
+        Network::load(path)
+    }
+
+    fn refusal(&self, toml: &str) -> String {
+        self.network("scores", [1, 3, 4, 8], Some(toml)).err().unwrap().to_string()
+    }
+}
+
+#[test]
+fn a_described_network_runs_on_an_image_of_another_size() {
+    let toml = "mean = [0.0, 0.5, 0.0]\n[classes]\nsign = [1]\nlane = [0, 2]\n";
+    let network = Folder::new().network("scores", [1, 3, 4, 8], Some(toml)).unwrap();
+    assert_eq!(network.classes().collect::<Vec<_>>(), [Class::Sign, Class::Lane]);
+    let image = RgbImage::new(16, [0, 255, 0].repeat(16 * 6)).unwrap();
+    let maps = run_all(&[network], &image).unwrap();
+    // sigmoid(1 - 0.5) = 0.622; twice sigmoid(0) = 1.
+    assert!(maps.plane(Class::Sign).data().iter().all(|&p| p == 159));
+    assert!(maps.plane(Class::Lane).data().iter().all(|&p| p == 255));
+    assert!(maps.plane(Class::Pole).data().iter().all(|&p| p == 0));
+    assert_eq!((maps.width(), maps.height()), (16, 6));
+}
+
+#[test]
+fn activations_make_probabilities_of_logits() {
+    let scores = Scores { values: vec![1.0, 2.0, 0.0], channels: 3, size: (1, 1), strides: (1, 1) };
+    let softmax = scores.probabilities(&[1], Activation::Softmax).unwrap()[0];
+    assert!((softmax - 2_f32.exp() / (1_f32.exp() + 2_f32.exp() + 1.0)).abs() < 1e-6);
+    let sigmoid = scores.probabilities(&[2], Activation::Sigmoid).unwrap()[0];
+    assert!((sigmoid - 0.5).abs() < 1e-6);
+    assert!(scores.probabilities(&[3], Activation::None).unwrap_err().contains("channel 3"));
+}
+
+#[test]
+fn an_undescribed_network_is_told_where_to_be_described() {
+    let error = Folder::new().network("scores", [1, 3, 4, 8], None).err().unwrap().to_string();
+    assert!(error.contains("scores 1x3x4x8") && error.contains("describe it in") && error.contains("tiny.toml"), "{error}");
+}
+
+#[test]
+fn each_contradiction_has_its_sentence() {
+    let lane = "[classes]\nlane = [0]\n";
+    for (toml, part) in [
+        ("[classes]\nlane = [3]\n", "channel 3 and the output has 3"),
+        ("[classes]\n", "names no output channel"),
+        (&format!("width = 9\n{lane}"), "the network's width is 8 and the description says 9"),
+        (&format!("input = \"x\"\n{lane}"), "it has no input `x`"),
+        (&format!("layout = \"nhwc\"\n{lane}"), "8 channels where 1 of 3 is needed"),
+        (&format!("std = [1.0, 0.0, 1.0]\n{lane}"), "must be positive"),
+        (&format!("heigth = 4\n{lane}"), "did you mean `height`"),
+        (&format!("layout = \"nhcw\"\n{lane}"), "tiny.toml:1: unknown variant `nhcw`"),
+        ("[classes]\nlane = 0\n", "tiny.toml:2: "),
+    ] {
+        let error = Folder::new().refusal(toml);
+        assert!(error.contains(part), "{toml}: {error}");
+    }
+}
+
+#[test]
+fn what_is_no_network_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("broken.onnx");
+    let whole = sigmoid_network("scores", [1, 3, 4, 8]);
+    for bytes in [&b""[..], b"hello, this is text", &whole[..whole.len() / 2]] {
+        std::fs::write(&path, bytes).unwrap();
+        let error = Network::load(&path).err().unwrap().to_string();
+        assert!(error.contains("broken.onnx"), "{error}");
+    }
+}

@@ -1,2 +1,28 @@
-//! Localizes a camera against a compact semantic map.
+//! Localizes a camera against a compact semantic map: from an image's features
+//! to a 6-DOF pose with a covariance and a word on how far to trust it.
+//!
+//! One frame goes through [`prepare`] (features in a comparable form),
+//! [`preselect`] (section IV.A: which landmarks may be seen), the association
+//! ([`associate`], section IV.E) with the [`solver`] (IV.D) inside, and
+//! [`tracker`] carries several hypotheses from frame to frame.
+
+pub mod associate;
+pub mod config;
+pub mod estimate;
 pub mod features;
+pub mod filter;
+pub mod gps;
+pub mod measurement;
+pub mod overlay;
+pub mod prepare;
+pub mod preselect;
+pub mod projection;
+pub mod residual;
+pub mod road_index;
+pub mod solver;
+pub mod start;
+pub mod tracker;
+pub mod vision;
+
+#[cfg(test)]
+pub(crate) mod testing;

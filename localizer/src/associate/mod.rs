@@ -1,0 +1,5 @@
+//! Section IV.E: which feature is which landmark, and the pose that follows.
+
+pub mod detection;
+pub mod matching;
+pub mod robust;

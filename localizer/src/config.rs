@@ -1,0 +1,41 @@
+//! All settings of the localizer, as they stand in its TOML file.
+
+use serde::{Deserialize, Serialize};
+
+use crate::associate::detection::DetectionConfig;
+use crate::associate::robust::RobustConfig;
+use crate::filter::MotionConfig;
+use crate::gps::GpsConfig;
+use crate::measurement::NoiseConfig;
+use crate::preselect::PreselectConfig;
+use crate::solver::SolverConfig;
+use crate::start::StartConfig;
+use crate::tracker::{BankConfig, HealthConfig, RivalConfig};
+
+/// Settings by stage; the defaults need no file.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// Landmarks that may be seen (IV.A).
+    pub preselect: PreselectConfig,
+    /// Standard deviations of map and calibration.
+    pub noise: NoiseConfig,
+    /// Detection and clutter.
+    pub detection: DetectionConfig,
+    /// The optimiser (IV.D).
+    pub solver: SolverConfig,
+    /// The default association.
+    pub robust: RobustConfig,
+    /// The search around a rough position.
+    pub start: StartConfig,
+    /// The vehicle's motion.
+    pub motion: MotionConfig,
+    /// The set of hypotheses.
+    pub bank: BankConfig,
+    /// The look beside the best hypothesis.
+    pub rivals: RivalConfig,
+    /// When to trust.
+    pub health: HealthConfig,
+    /// GPS fixes.
+    pub gps: GpsConfig,
+}

@@ -1,0 +1,309 @@
+//! What a landmark and a feature say about each other: the observations of the
+//! pair, with the standard deviation of each from the feature, the landmark
+//! and the calibration.
+
+use nalgebra::{Point2, Point3, Vector2};
+use serde::{Deserialize, Serialize};
+
+use crate::features::PointFeature;
+use crate::preselect::{Candidates, LaneCandidate, PoleCandidate, SignCandidate};
+use crate::prepare::{MAX_KNOTS, PreparedLane, PreparedPole};
+use crate::projection::{ImageSize, NEAR_M, View, fraction_in_space};
+use crate::residual::Observation;
+
+/// Standard deviations of the map and of the calibration, and what two things
+/// that belong together may differ by.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct NoiseConfig {
+    /// Axis of a mapped pole, metres: one-sided lidar hits on a 0.2 m mast,
+    /// drift between the stitched scans.
+    pub pole_sigma_m: f64,
+    /// Centroid of a mapped sign, metres.
+    pub sign_sigma_m: f64,
+    /// Centroid of a sign by its size (share): only part of it was hit.
+    pub sign_sigma_of_size: f64,
+    /// Lane line across its direction, metres: half a painted width.
+    pub lane_sigma_m: f64,
+    /// Lane line and road in height, metres.
+    pub lane_height_sigma_m: f64,
+    /// Calibration, rectification and exposure time, pixels: no feature is
+    /// better than this.
+    pub calibration_sigma_px: f64,
+    /// Foot of a mapped pole in height, metres: kerbs and grass hide it from
+    /// the lidar. A feature may reach no lower than three of these.
+    pub foot_sigma_m: f64,
+    /// Share of poles whose foot is seen where the feature ends uncut.
+    pub seen_foot: f64,
+    /// Least share of the shorter of segment and feature by which the two must
+    /// overlap along the line.
+    pub min_overlap: f64,
+    /// Factor by which the image of a sign and its feature may differ in size.
+    pub max_size_ratio: f64,
+}
+
+impl Default for NoiseConfig {
+    fn default() -> Self {
+        Self {
+            pole_sigma_m: 0.10,
+            sign_sigma_m: 0.10,
+            sign_sigma_of_size: 0.10,
+            lane_sigma_m: 0.08,
+            lane_height_sigma_m: 0.06,
+            calibration_sigma_px: 1.0,
+            foot_sigma_m: 0.4,
+            seen_foot: 0.6,
+            min_overlap: 0.3,
+            max_size_ratio: 3.0,
+        }
+    }
+}
+
+/// The observations of one pair; at least two.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pairing {
+    observations: [Observation; MAX_KNOTS],
+    count: usize,
+}
+
+impl Pairing {
+    fn empty() -> Self {
+        let blank = Observation {
+            point_map: Point3::origin(),
+            normal: Vector2::x(),
+            offset_px: 0.0,
+            sigma_px: 1.0,
+        };
+        Self { observations: [blank; MAX_KNOTS], count: 0 }
+    }
+
+    fn push(&mut self, observation: Observation) {
+        if let Some(slot) = self.observations.get_mut(self.count) {
+            *slot = observation;
+            self.count += 1;
+        }
+    }
+
+    /// All of them.
+    pub fn observations(&self) -> &[Observation] {
+        &self.observations[..self.count]
+    }
+
+    /// The first and the last: what a line fixes.
+    pub fn ends(&self) -> (&Observation, &Observation) {
+        (&self.observations[0], &self.observations[self.count.max(1) - 1])
+    }
+}
+
+/// A pole in the image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoleImage {
+    /// Lower end of what is in front of the camera, pixels.
+    pub foot_px: Point2<f64>,
+    /// Upper end, pixels.
+    pub top_px: Point2<f64>,
+    foot_map: Point3<f64>,
+    top_map: Point3<f64>,
+    /// Depth of the lower end, metres.
+    pub foot_depth_m: f64,
+    top_depth_m: f64,
+}
+
+impl PoleImage {
+    /// pi_L (eq. 6, 7): cut at the near plane; none wholly behind it.
+    pub fn new(view: &View, pole: &PoleCandidate) -> Option<Self> {
+        let (mut foot_map, mut top_map) = (pole.foot_map, pole.top_map);
+        let (mut foot, mut top) = (view.to_camera(&foot_map), view.to_camera(&top_map));
+        if foot.z < NEAR_M && top.z < NEAR_M {
+            return None;
+        }
+        // The point a hair before the plane projects; rounding may not.
+        let plane_m = NEAR_M * (1.0 + 1e-9);
+        if foot.z < NEAR_M {
+            let share = (plane_m - foot.z) / (top.z - foot.z);
+            foot_map += (top_map - foot_map) * share;
+            foot += (top - foot) * share;
+        } else if top.z < NEAR_M {
+            let share = (plane_m - top.z) / (foot.z - top.z);
+            top_map += (foot_map - top_map) * share;
+            top += (foot - top) * share;
+        }
+        Some(Self {
+            foot_px: view.pixel(&foot),
+            top_px: view.pixel(&top),
+            foot_map,
+            top_map,
+            foot_depth_m: foot.z,
+            top_depth_m: top.z,
+        })
+    }
+
+    /// Its length within the rows of the image, pixels.
+    pub fn visible_length_px(&self, image: ImageSize) -> f64 {
+        let rows = (self.foot_px.y.min(image.height_px) - self.top_px.y.max(0.0)).max(0.0);
+        let height = (self.foot_px.y - self.top_px.y).abs().max(1e-9);
+        (self.foot_px - self.top_px).norm() * (rows / height).min(1.0)
+    }
+
+    /// The middle of it in the map, metres.
+    pub fn middle_map(&self) -> Point3<f64> {
+        nalgebra::center(&self.foot_map, &self.top_map)
+    }
+
+    /// How much more likely the feature's lower end is for this pole than for
+    /// something else (nats): its foot may be hidden, but hardly lies deeper.
+    /// `slack_px` is the standard deviation of the pose's shift along it.
+    pub fn foot_support(&self, feature: &PreparedPole, noise: &NoiseConfig, focal_px: f64, slack_px: f64, rows_px: f64) -> f64 {
+        if feature.lower_is_cut {
+            return 0.0;
+        }
+        let foot = feature.down.dot(&(self.foot_px - feature.upper_px));
+        let sigma_px = (noise.foot_sigma_m * focal_px / self.foot_depth_m).hypot(slack_px).max(1.0);
+        let off = (feature.length_px - foot) / sigma_px;
+        let density = (-0.5 * off * off).exp() / (sigma_px * std::f64::consts::TAU.sqrt());
+        // Else it ends anywhere in the rows of the image that have poles.
+        (noise.seen_foot * density * rows_px + 1.0 - noise.seen_foot).ln()
+    }
+
+    /// The pair with a feature: the ends of the stretch along which both are
+    /// seen, against the feature's line. None where they do not overlap or the
+    /// feature reaches far below the foot. `slack_px` is how far the pose may
+    /// shift either along the line.
+    pub fn pair(&self, feature: &PreparedPole, noise: &NoiseConfig, focal_px: f64, slack_px: f64) -> Option<Pairing> {
+        let along = |p: &Point2<f64>| feature.down.dot(&(p - feature.upper_px));
+        let (top, foot) = (along(&self.top_px), along(&self.foot_px));
+        if foot - top < 1.0 {
+            return None;
+        }
+        let foot_slack_px = slack_px + 3.0 * noise.foot_sigma_m * focal_px / self.foot_depth_m;
+        if feature.length_px > foot + foot_slack_px {
+            return None;
+        }
+        let (start, end) = (top.max(0.0), foot.min(feature.length_px));
+        let shorter_px = feature.length_px.min(foot - top);
+        if end - start + slack_px < noise.min_overlap * shorter_px {
+            return None;
+        }
+        // Without overlap within the slack: compare where they come closest.
+        let (start, end) = if end - start < 1.0 {
+            let middle = (0.5 * (start + end)).clamp(top, foot);
+            ((middle - 0.5).max(top), (middle + 0.5).min(foot))
+        } else {
+            (start, end)
+        };
+        let mut pairing = Pairing::empty();
+        for place in [start, end] {
+            let fraction = (place - top) / (foot - top);
+            let share = fraction_in_space(fraction, self.top_depth_m, self.foot_depth_m);
+            let point_map = self.top_map + (self.foot_map - self.top_map) * share;
+            let depth_m = self.top_depth_m + (self.foot_depth_m - self.top_depth_m) * share;
+            let landmark_px = noise.pole_sigma_m * focal_px / depth_m;
+            let variance = feature.variance_px2(place)
+                + landmark_px * landmark_px
+                + noise.calibration_sigma_px * noise.calibration_sigma_px;
+            pairing.push(Observation {
+                point_map,
+                normal: feature.line.normal,
+                offset_px: feature.line.offset_px,
+                sigma_px: variance.sqrt(),
+            });
+        }
+        Some(pairing)
+    }
+}
+
+/// A vertex of a lane line in the image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LaneVertex {
+    /// Pixel.
+    pub at_px: Point2<f64>,
+    /// Depth, metres.
+    pub depth_m: f64,
+    /// Map frame, metres.
+    pub point_map: Point3<f64>,
+}
+
+/// Appends the image of a lane candidate to `out`, vertices in front of the
+/// camera only; returns their range.
+pub fn project_lane(view: &View, candidates: &Candidates, lane: &LaneCandidate, out: &mut Vec<LaneVertex>) -> (usize, usize) {
+    let start = out.len();
+    let points = candidates.lane_points_map.get(lane.start..lane.end).unwrap_or(&[]);
+    out.extend(points.iter().filter_map(|&point_map| {
+        let (at_px, depth_m) = view.project(&point_map)?;
+        Some(LaneVertex { at_px, depth_m, point_map })
+    }));
+    (start, out.len())
+}
+
+/// The pair of a lane feature and a projected lane line: for each knot of the
+/// feature the nearest point of the line, against the knot's tangent. None
+/// where fewer than two knots have a part of the line beside them.
+pub fn pair_lane(vertices: &[LaneVertex], feature: &PreparedLane, noise: &NoiseConfig, focal_px: f64, reach_px: f64) -> Option<Pairing> {
+    let mut pairing = Pairing::empty();
+    for knot in feature.knots() {
+        let Some((point_map, depth_m)) = nearest_on(vertices, &knot.at_px, reach_px) else { continue };
+        let lateral_px = knot.normal.x * noise.lane_sigma_m * focal_px / depth_m;
+        let height_px = knot.normal.y * noise.lane_height_sigma_m * focal_px / depth_m;
+        let variance = knot.sigma_px * knot.sigma_px
+            + lateral_px * lateral_px
+            + height_px * height_px
+            + noise.calibration_sigma_px * noise.calibration_sigma_px;
+        pairing.push(Observation::on_line(point_map, knot.normal, &knot.at_px, variance.sqrt()));
+    }
+    if pairing.count < 2 {
+        return None;
+    }
+    // However many knots: a line tells two numbers.
+    let share = (pairing.count as f64 / 2.0).sqrt();
+    for observation in &mut pairing.observations[..pairing.count] {
+        observation.sigma_px *= share;
+    }
+    Some(pairing)
+}
+
+/// The point of a projected polyline nearest to a pixel, in the map, with its
+/// depth; none beyond its ends or further than `reach_px`.
+fn nearest_on(vertices: &[LaneVertex], pixel: &Point2<f64>, reach_px: f64) -> Option<(Point3<f64>, f64)> {
+    let mut best = (reach_px * reach_px, None);
+    let last = vertices.len().saturating_sub(2);
+    for (i, ends) in vertices.windows(2).enumerate() {
+        let (a, b) = (&ends[0], &ends[1]);
+        let along = b.at_px - a.at_px;
+        let length2 = along.norm_squared();
+        if length2 < 1e-12 {
+            continue;
+        }
+        let fraction = along.dot(&(pixel - a.at_px)) / length2;
+        let beyond = (i == 0 && fraction < 0.0) || (i == last && fraction > 1.0);
+        let fraction = fraction.clamp(0.0, 1.0);
+        let at_px = a.at_px + along * fraction;
+        let distance2 = (pixel - at_px).norm_squared();
+        if distance2 < best.0 {
+            best = (distance2, (!beyond).then_some((a, b, fraction)));
+        }
+    }
+    let (a, b, fraction) = best.1?;
+    let share = fraction_in_space(fraction, a.depth_m, b.depth_m);
+    Some((
+        a.point_map + (b.point_map - a.point_map) * share,
+        a.depth_m + (b.depth_m - a.depth_m) * share,
+    ))
+}
+
+/// The pair of a sign and a feature (eq. 8), at the sign's depth (m); none
+/// where their sizes do not agree.
+pub fn pair_sign(sign: &SignCandidate, depth_m: f64, feature: &PointFeature, noise: &NoiseConfig, focal_px: f64) -> Option<Pairing> {
+    let expected_px = sign.size_m * focal_px / depth_m;
+    let found_px = feature.extent_px.norm();
+    let ratio = (found_px / expected_px.max(1e-9)).max(expected_px / found_px.max(1e-9));
+    if sign.kind != feature.kind || ratio > noise.max_size_ratio {
+        return None;
+    }
+    let landmark_px = noise.sign_sigma_m.hypot(noise.sign_sigma_of_size * sign.size_m) * focal_px / depth_m;
+    let sigma_px = feature.sigma_px.hypot(landmark_px).hypot(noise.calibration_sigma_px);
+    let mut pairing = Pairing::empty();
+    for normal in [Vector2::x(), Vector2::y()] {
+        pairing.push(Observation::on_line(sign.centroid_map, normal, &feature.centre_px, sigma_px));
+    }
+    Some(pairing)
+}

@@ -1,0 +1,378 @@
+//! Section IV.A: the landmarks that a camera near a predicted pose may see.
+
+use common::geometry::{PinholeCamera, Pose};
+use common::map::{PoleKind, SemanticMap};
+use nalgebra::{Matrix6, Point3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use crate::projection::{ImageSize, NEAR_M, View};
+use crate::road_index::RoadIndex;
+
+/// Settings of the preselection.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PreselectConfig {
+    /// Least size over distance (s = m / distance) of a pole or sign; the
+    /// paper's 0.017 is 12 px at KITTI's focal length.
+    pub min_relative_size: f64,
+    /// Nothing beyond is used, metres: there a metre of position moves a
+    /// landmark 10 m beside the road by less than a pixel.
+    pub max_distance_m: f64,
+    /// Lane lines are used from here on, metres ahead; the paper's 5.
+    pub lane_near_m: f64,
+    /// Lane lines are used up to here, metres ahead. The paper's 20 for a
+    /// straight line; polylines carry further, until a lane line is as wide as
+    /// a pixel and hidden behind traffic.
+    pub lane_far_m: f64,
+    /// Use tree trunks, which only some networks report as poles.
+    pub use_trunks: bool,
+}
+
+impl Default for PreselectConfig {
+    fn default() -> Self {
+        Self {
+            min_relative_size: 0.017,
+            max_distance_m: 100.0,
+            lane_near_m: 5.0,
+            lane_far_m: 30.0,
+            use_trunks: false,
+        }
+    }
+}
+
+/// A pole that may be seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoleCandidate {
+    /// Index into the map's poles.
+    pub index: usize,
+    /// What it is.
+    pub kind: PoleKind,
+    /// Lower control point, map frame, metres.
+    pub foot_map: Point3<f64>,
+    /// Upper control point, map frame, metres.
+    pub top_map: Point3<f64>,
+}
+
+/// A sign that may be seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SignCandidate {
+    /// Index into the map's signs.
+    pub index: usize,
+    /// What it is.
+    pub kind: common::map::SignKind,
+    /// Centroid, map frame, metres.
+    pub centroid_map: Point3<f64>,
+    /// Its size, metres.
+    pub size_m: f64,
+}
+
+/// The part of a lane line that may be seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LaneCandidate {
+    /// Index into the map's lane lines.
+    pub index: usize,
+    /// How it is painted.
+    pub kind: common::map::LaneKind,
+    /// Its vertices are `lane_points_map[start..end]`, at least two.
+    pub start: usize,
+    /// One past the last.
+    pub end: usize,
+}
+
+/// Everything that may be seen. Buffers are reused from frame to frame.
+#[derive(Debug, Clone, Default)]
+pub struct Candidates {
+    /// Poles.
+    pub poles: Vec<PoleCandidate>,
+    /// Signs.
+    pub signs: Vec<SignCandidate>,
+    /// Lane lines, cut to the usable range.
+    pub lanes: Vec<LaneCandidate>,
+    /// Vertices of all lane candidates, map frame, metres.
+    pub lane_points_map: Vec<Point3<f64>>,
+    /// The road stretches near the pose, ascending.
+    pub roads: Vec<u32>,
+}
+
+impl Candidates {
+    /// Number of landmarks.
+    pub fn len(&self) -> usize {
+        self.poles.len() + self.signs.len() + self.lanes.len()
+    }
+
+    /// Nothing may be seen.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// How far around the predicted pose the true one may be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reach {
+    /// Horizontal, metres.
+    pub position_m: f64,
+    /// Turning, radians.
+    pub angle_rad: f64,
+}
+
+impl Reach {
+    /// Three standard deviations of a pose covariance (camera tangent).
+    pub fn of_covariance(covariance: &Matrix6<f64>) -> Self {
+        let sigma = |i: usize| covariance[(i, i)].max(0.0).sqrt();
+        Self {
+            position_m: 3.0 * sigma(0).hypot(sigma(2)),
+            angle_rad: 3.0 * sigma(3).max(sigma(4)).max(sigma(5)),
+        }
+    }
+}
+
+/// The map with its index: what preselection looks up.
+#[derive(Debug, Clone, Copy)]
+pub struct Lookup<'a> {
+    /// The map.
+    pub map: &'a SemanticMap,
+    /// Its roads.
+    pub index: &'a RoadIndex,
+    /// The camera.
+    pub camera: &'a PinholeCamera,
+    /// Its image.
+    pub image: ImageSize,
+    /// Settings.
+    pub config: &'a PreselectConfig,
+}
+
+impl Lookup<'_> {
+    /// Fills `out` with the landmarks that a camera within `reach` of
+    /// `map_from_camera` may see.
+    pub fn select(&self, map_from_camera: &Pose, reach: &Reach, out: &mut Candidates) {
+        let position = Point3::from(map_from_camera.translation.vector);
+        let view = View::new(self.camera, map_from_camera);
+        out.poles.clear();
+        out.signs.clear();
+        out.lanes.clear();
+        out.lane_points_map.clear();
+        self.index.roads_near(&position, self.config.max_distance_m + reach.position_m, &mut out.roads);
+        for i in 0..out.roads.len() {
+            let road = out.roads[i];
+            self.select_poles(road, &view, reach, out);
+            self.select_signs(road, &view, reach, out);
+            for &index in self.index.lanes(road) {
+                if let Some(lane) = self.map.lanes.get(index) {
+                    self.cut_lane(index, lane, &view, reach, out);
+                }
+            }
+        }
+    }
+
+    fn select_poles(&self, road: u32, view: &View, reach: &Reach, out: &mut Candidates) {
+        for &index in self.index.poles(road) {
+            let Some(pole) = self.map.poles.get(index) else { continue };
+            if pole.kind == PoleKind::Trunk && !self.config.use_trunks {
+                continue;
+            }
+            let (foot, top) = (view.to_camera(&pole.foot_map), view.to_camera(&pole.top_map));
+            let middle = (foot + top) * 0.5;
+            if self.is_big_enough(&middle, pole.length_m(), reach)
+                && (self.may_be_in_image(&foot, reach)
+                    || self.may_be_in_image(&top, reach)
+                    || self.may_be_in_image(&middle, reach))
+            {
+                out.poles.push(PoleCandidate {
+                    index,
+                    kind: pole.kind,
+                    foot_map: pole.foot_map,
+                    top_map: pole.top_map,
+                });
+            }
+        }
+    }
+
+    fn select_signs(&self, road: u32, view: &View, reach: &Reach, out: &mut Candidates) {
+        for &index in self.index.signs(road) {
+            let Some(sign) = self.map.signs.get(index) else { continue };
+            let p = view.to_camera(&sign.centroid_map);
+            if self.is_big_enough(&p, sign.size_m, reach) && self.may_be_in_image(&p, reach) {
+                out.signs.push(SignCandidate {
+                    index,
+                    kind: sign.kind,
+                    centroid_map: sign.centroid_map,
+                    size_m: sign.size_m,
+                });
+            }
+        }
+    }
+
+    /// s = m / distance over the threshold, from the nearest place in reach.
+    fn is_big_enough(&self, p: &Vector3<f64>, size_m: f64, reach: &Reach) -> bool {
+        let distance_m = (p.norm() - reach.position_m).max(NEAR_M);
+        distance_m < self.config.max_distance_m && size_m > self.config.min_relative_size * distance_m
+    }
+
+    /// In front of the camera and in the image, for some pose in reach. Only
+    /// to the sides: a pole's ends may well lie above or below.
+    fn may_be_in_image(&self, p: &Vector3<f64>, reach: &Reach) -> bool {
+        let depth_m = p.z + reach.position_m;
+        if depth_m < NEAR_M {
+            return false;
+        }
+        let half_left = self.camera.cx_px / self.camera.fx_px;
+        let half_right = (self.image.width_px - self.camera.cx_px) / self.camera.fx_px;
+        let slope_margin = reach.angle_rad * (1.0 + half_left.max(half_right).powi(2));
+        p.x > -(half_left + slope_margin) * depth_m - reach.position_m
+            && p.x < (half_right + slope_margin) * depth_m + reach.position_m
+    }
+
+    /// Keeps the stretches of a polyline that lie 5 to 20 m (as configured)
+    /// ahead; a line that leaves the range and comes back gives several.
+    fn cut_lane(&self, index: usize, lane: &common::map::LaneLine, view: &View, reach: &Reach, out: &mut Candidates) {
+        let near_m = (self.config.lane_near_m - reach.position_m).max(NEAR_M);
+        let far_m = self.config.lane_far_m + reach.position_m;
+        let mut start = out.lane_points_map.len();
+        let close = |start: &mut usize, out: &mut Candidates| {
+            let end = out.lane_points_map.len();
+            if end >= *start + 2 {
+                out.lanes.push(LaneCandidate { index, kind: lane.kind, start: *start, end });
+            } else {
+                out.lane_points_map.truncate(*start);
+            }
+            *start = out.lane_points_map.len();
+        };
+        for ends in lane.points_map.windows(2) {
+            let (a, b) = (view.to_camera(&ends[0]), view.to_camera(&ends[1]));
+            let Some((from, to)) = clip(a.z, b.z, near_m, far_m) else {
+                close(&mut start, out);
+                continue;
+            };
+            let (p, q) = (a + (b - a) * from, a + (b - a) * to);
+            if !self.may_be_in_image(&p, reach) && !self.may_be_in_image(&q, reach) && p.x * q.x > 0.0 {
+                close(&mut start, out);
+                continue;
+            }
+            let along = ends[1] - ends[0];
+            if out.lane_points_map.len() == start {
+                out.lane_points_map.push(ends[0] + along * from);
+            }
+            out.lane_points_map.push(ends[0] + along * to);
+            if to < 1.0 {
+                close(&mut start, out);
+            }
+        }
+        close(&mut start, out);
+    }
+}
+
+/// The part of a segment whose depth runs from `a` to `b` that lies within
+/// `[near, far]`, as fractions of the segment.
+fn clip(a: f64, b: f64, near: f64, far: f64) -> Option<(f64, f64)> {
+    if (b - a).abs() < 1e-9 {
+        return (a >= near && a <= far).then_some((0.0, 1.0));
+    }
+    let (at_near, at_far) = ((near - a) / (b - a), (far - a) / (b - a));
+    let from = at_near.min(at_far).max(0.0);
+    let to = at_near.max(at_far).min(1.0);
+    (to - from > 1e-9).then_some((from, to))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::projection::tests::camera;
+    use common::geometry::PoseParameters;
+    use common::map::{LaneKind, LaneLine, Pole, Road, RoadId, Sign, SignKind};
+
+    const IMAGE: ImageSize = ImageSize { width_px: 1226.0, height_px: 370.0 };
+    const NONE: Reach = Reach { position_m: 0.0, angle_rad: 0.0 };
+
+    fn pole(x: f64, z: f64, length_m: f64, kind: PoleKind) -> Pole {
+        Pole {
+            kind,
+            foot_map: Point3::new(x, 1.6, z),
+            top_map: Point3::new(x, 1.6 - length_m, z),
+            road: RoadId(0),
+        }
+    }
+
+    fn map() -> SemanticMap {
+        SemanticMap {
+            roads: vec![Road { path_map: vec![Point3::origin(), Point3::new(0.0, 0.0, 300.0)] }],
+            poles: vec![
+                pole(5.0, 20.0, 4.0, PoleKind::LampPost),
+                pole(5.0, -20.0, 4.0, PoleKind::LampPost),
+                pole(40.0, 20.0, 4.0, PoleKind::LampPost),
+                pole(5.0, 80.0, 1.0, PoleKind::Delineator),
+                pole(-4.0, 15.0, 4.0, PoleKind::Trunk),
+            ],
+            signs: vec![Sign {
+                kind: SignKind::TrafficSign,
+                centroid_map: Point3::new(4.0, -1.0, 30.0),
+                size_m: 0.7,
+                road: RoadId(0),
+            }],
+            lanes: vec![LaneLine {
+                kind: LaneKind::Solid,
+                points_map: vec![
+                    Point3::new(-1.8, 1.6, -10.0),
+                    Point3::new(-1.8, 1.6, 10.0),
+                    Point3::new(-1.6, 1.6, 50.0),
+                ],
+                road: RoadId(0),
+            }],
+            ..SemanticMap::default()
+        }
+    }
+
+    fn select(reach: &Reach, config: &PreselectConfig) -> Candidates {
+        let map = map();
+        let lookup =
+            Lookup { map: &map, index: &RoadIndex::new(&map), camera: &camera(), image: IMAGE, config };
+        let mut out = Candidates::default();
+        lookup.select(&Pose::identity(), reach, &mut out);
+        out
+    }
+
+    #[test]
+    fn what_is_behind_beside_too_small_or_a_trunk_is_left_out() {
+        let found = select(&NONE, &PreselectConfig::default());
+        assert_eq!(found.poles.iter().map(|p| p.index).collect::<Vec<_>>(), [0]);
+        assert_eq!(found.signs.len(), 1);
+        let trunks = PreselectConfig { use_trunks: true, ..PreselectConfig::default() };
+        assert_eq!(select(&NONE, &trunks).poles.len(), 2);
+    }
+
+    #[test]
+    fn an_uncertain_pose_sees_more() {
+        let wide = Reach { position_m: 12.0, angle_rad: 0.6 };
+        let found = select(&wide, &PreselectConfig::default());
+        assert!(found.poles.iter().any(|p| p.index == 2));
+    }
+
+    #[test]
+    fn lanes_are_cut_out_of_the_polyline_with_their_bends() {
+        let config = PreselectConfig { lane_near_m: 5.0, lane_far_m: 20.0, ..PreselectConfig::default() };
+        let found = select(&NONE, &config);
+        let lane = found.lanes[0];
+        let points = &found.lane_points_map[lane.start..lane.end];
+        assert_eq!(points.len(), 3);
+        // Depth counts from this camera, 6 mm before the reference camera.
+        assert!((points[0].z - 5.0).abs() < 0.01 && (points[2].z - 20.0).abs() < 0.01);
+        assert!((points[1] - Point3::new(-1.8, 1.6, 10.0)).norm() < 1e-9);
+        assert!((points[2].x - (-1.75)).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_camera_that_looks_away_sees_nothing() {
+        let map = map();
+        let lookup = Lookup {
+            map: &map,
+            index: &RoadIndex::new(&map),
+            camera: &camera(),
+            image: IMAGE,
+            config: &PreselectConfig::default(),
+        };
+        let pose =
+            PoseParameters { x_m: 0.0, y_m: 0.0, z_m: 0.0, yaw_rad: 1.57, pitch_rad: 0.0, roll_rad: 0.0 }.to_pose();
+        let mut out = Candidates::default();
+        lookup.select(&pose, &NONE, &mut out);
+        assert!(out.poles.iter().all(|p| p.index == 2));
+    }
+}

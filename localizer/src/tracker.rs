@@ -1,0 +1,348 @@
+//! The localizer over time: a few hypotheses, each an error-state filter, fed
+//! with the same images; the one with the most evidence speaks.
+//!
+//! A start, a wrong lock and a recovery are the same thing here: hypotheses
+//! that are tracked side by side until the images tell which is right. They
+//! come from the search around a GPS fix (start), around the prediction (lost)
+//! and from poses beside the best one that explain a frame as well (rivals).
+
+mod health;
+mod hypothesis;
+mod rivals;
+
+pub use health::HealthConfig;
+pub use hypothesis::BankConfig;
+pub use rivals::RivalConfig;
+
+use common::geometry::{PinholeCamera, Pose, Tangent, local};
+use common::map::SemanticMap;
+use nalgebra::{Matrix6, Point3, Vector6};
+
+use crate::associate::matching::Scene;
+use crate::associate::robust::Associator;
+use crate::config::Config;
+use crate::estimate::{PoseEstimate, Status};
+use crate::features::Features;
+use crate::filter::State;
+use crate::gps::GpsFix;
+use crate::preselect::{Candidates, Lookup, Reach};
+use crate::prepare::Prepared;
+use crate::projection::ImageSize;
+use crate::road_index::RoadIndex;
+use crate::start::{Rough, Search};
+use hypothesis::Hypothesis;
+
+/// What one frame brings.
+#[derive(Debug, Clone, Copy)]
+pub struct FrameInput<'a> {
+    /// Time of the image, seconds.
+    pub time_s: f64,
+    /// What the image shows.
+    pub features: &'a Features,
+    /// A rough position, where there is one for this frame.
+    pub gps: Option<&'a GpsFix>,
+}
+
+/// The localizer of one drive.
+#[derive(Debug)]
+pub struct Tracker<'a> {
+    map: &'a SemanticMap,
+    index: &'a RoadIndex,
+    camera: PinholeCamera,
+    image: ImageSize,
+    config: Config,
+    /// Best first, never empty once started.
+    bank: Vec<Hypothesis>,
+    last_time_s: Option<f64>,
+    /// Where the camera must be by GPS and by the last trusted pose.
+    region: Option<State>,
+    is_lost: bool,
+    associator: Associator,
+    search: Search,
+    prepared: Prepared,
+    candidates: Candidates,
+}
+
+impl<'a> Tracker<'a> {
+    /// A localizer that knows nothing of its position yet.
+    pub fn new(map: &'a SemanticMap, index: &'a RoadIndex, camera: &PinholeCamera, image: ImageSize, config: &Config) -> Self {
+        Self {
+            map,
+            index,
+            camera: *camera,
+            image,
+            config: config.clone(),
+            bank: Vec::new(),
+            last_time_s: None,
+            region: None,
+            is_lost: false,
+            associator: Associator::default(),
+            search: Search::default(),
+            prepared: Prepared::default(),
+            candidates: Candidates::default(),
+        }
+    }
+
+    /// The pose at the next frame; none before the first GPS fix. Times must
+    /// ascend: a frame no later than the one before is taken as of its time.
+    pub fn step(&mut self, input: &FrameInput<'_>) -> Option<PoseEstimate> {
+        let dt_s = self.last_time_s.map_or(0.0, |last_s| (input.time_s - last_s).max(0.0));
+        self.last_time_s = Some(input.time_s);
+        self.prepared.fill(input.features);
+        self.predict(dt_s);
+        self.follow_region(dt_s, input.gps);
+        self.observe(input.gps);
+        self.search_if_needed();
+        self.prune();
+        let margin = self.find_rivals();
+        self.speak(margin)
+    }
+
+    /// Moves every hypothesis on; those that do not know their speed yet split
+    /// into one for each speed that the images could tell apart.
+    fn predict(&mut self, dt_s: f64) {
+        let previous = std::mem::take(&mut self.bank);
+        for hypothesis in previous {
+            hypothesis.predict(dt_s, &self.config, &mut self.bank);
+        }
+    }
+
+    /// Selects the landmarks for all hypotheses at once.
+    fn select(&mut self, centre: &Pose, reach: &Reach) {
+        let lookup = Lookup {
+            map: self.map,
+            index: self.index,
+            camera: &self.camera,
+            image: self.image,
+            config: &self.config.preselect,
+        };
+        lookup.select(centre, reach, &mut self.candidates);
+    }
+
+    /// Reach around the best hypothesis that covers all of them.
+    fn bank_reach(&self) -> Option<(Pose, Reach)> {
+        let centre = self.bank.first()?.state.map_from_camera;
+        let mut reach = Reach { position_m: 0.0, angle_rad: 0.0 };
+        for hypothesis in &self.bank {
+            let own = Reach::of_covariance(&hypothesis.state.pose_covariance());
+            let pose = &hypothesis.state.map_from_camera;
+            let off_m = (pose.translation.vector - centre.translation.vector).norm();
+            reach.position_m = reach.position_m.max(off_m + own.position_m);
+            reach.angle_rad = reach.angle_rad.max(pose.rotation.angle_to(&centre.rotation) + own.angle_rad);
+        }
+        Some((centre, reach))
+    }
+
+    fn observe(&mut self, gps: Option<&GpsFix>) {
+        let Some((centre, reach)) = self.bank_reach() else { return };
+        self.select(&centre, &reach);
+        let scene = Scene {
+            camera: &self.camera,
+            image: self.image,
+            features: &self.prepared,
+            candidates: &self.candidates,
+            noise: &self.config.noise,
+            detection: &self.config.detection,
+        };
+        for hypothesis in &mut self.bank {
+            hypothesis.constrain_to_path(self.map, &self.candidates.roads, &self.config.start);
+            hypothesis.observe(&scene, &mut self.associator, gps, &self.config);
+        }
+        self.sort();
+    }
+
+    fn sort(&mut self) {
+        // Stable: equal evidence keeps the older hypothesis in front.
+        self.bank.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
+    }
+
+    /// Keeps the region up in which the camera is, whatever is tracked.
+    fn follow_region(&mut self, dt_s: f64, gps: Option<&GpsFix>) {
+        if let Some(region) = &mut self.region {
+            *region = region.predicted(dt_s, &self.config.motion);
+        }
+        let Some(fix) = gps else { return };
+        let rough = self.rough_from(fix);
+        match &mut self.region {
+            Some(region) => {
+                let off = local(&region.map_from_camera, &rough.map_from_camera);
+                for component in [0, 2, 4] {
+                    region.measure(component, off[component], rough.sigmas[component]);
+                }
+            }
+            None => self.region = Some(unknown_speed(&rough, &self.config.bank)),
+        }
+    }
+
+    /// Searches the region while nothing is tracked that the last frames
+    /// speak for.
+    fn search_if_needed(&mut self) {
+        let bank = &self.config.bank;
+        let sure = self.bank.first().is_some_and(|best| {
+            best.age_frames >= self.config.health.verify_frames && best.log_weight >= bank.sure_evidence
+        });
+        if sure || self.prepared.is_empty() {
+            return;
+        }
+        let Some(rough) = self.region.as_ref().map(|region| rough_of(region, &self.config)) else { return };
+        let reach = Reach {
+            position_m: self.config.start.reach_sigmas * rough.sigmas[0].hypot(rough.sigmas[2]),
+            angle_rad: self.config.start.reach_sigmas * rough.sigmas[4],
+        };
+        self.select(&rough.map_from_camera, &reach);
+        let scene = Scene {
+            camera: &self.camera,
+            image: self.image,
+            features: &self.prepared,
+            candidates: &self.candidates,
+            noise: &self.config.noise,
+            detection: &self.config.detection,
+        };
+        let found = self.search.run(
+            &scene,
+            &rough,
+            &mut self.associator,
+            &self.config.start,
+            &self.config.robust,
+            &self.config.solver,
+        );
+        // Where nothing was tracked the past frames say nothing: 0 nats.
+        let past = if self.bank.is_empty() { 0.0 } else { -self.config.bank.newcomer_cost };
+        for refined in found {
+            self.add(Hypothesis::found(&refined, past, &self.config));
+        }
+        self.sort();
+    }
+
+    /// Adds a hypothesis unless one like it is tracked already.
+    fn add(&mut self, newcomer: Hypothesis) {
+        if !self.bank.iter().any(|known| known.is_like(&newcomer, &self.config.bank)) {
+            self.bank.push(newcomer);
+        }
+    }
+
+    fn rough_from(&mut self, fix: &GpsFix) -> Rough {
+        let reach_m = self.config.start.path_reach_m;
+        self.index.roads_near(&fix.position_map, reach_m, &mut self.candidates.roads);
+        Rough::from_fix(
+            self.map,
+            &self.candidates.roads,
+            &fix.position_map,
+            fix.horizontal_sigma_m,
+            fix.heading,
+            &self.config.start,
+        )
+    }
+
+    /// Merges what has become the same and drops what the evidence refutes.
+    fn prune(&mut self) {
+        let mut kept: Vec<Hypothesis> = Vec::with_capacity(self.bank.len());
+        let best = self.bank.first().map_or(0.0, |best| best.log_weight);
+        for hypothesis in self.bank.drain(..) {
+            let refuted = hypothesis.log_weight < best - self.config.bank.prune_margin;
+            let room = kept.len() < self.config.bank.capacity(hypothesis.age_frames);
+            if !refuted && room && !kept.iter().any(|known| known.is_like(&hypothesis, &self.config.bank)) {
+                kept.push(hypothesis);
+            }
+        }
+        self.bank = kept;
+    }
+
+    /// Looks beside the best hypothesis for poses that explain the frame as
+    /// well; returns by how much support the best is ahead, nats.
+    fn find_rivals(&mut self) -> f64 {
+        let Some(best) = self.bank.first() else { return 0.0 };
+        let best = best.clone();
+        let reach = self.config.rivals.reach(&best.state.pose_covariance());
+        self.select(&best.state.map_from_camera, &reach);
+        let scene = Scene {
+            camera: &self.camera,
+            image: self.image,
+            features: &self.prepared,
+            candidates: &self.candidates,
+            noise: &self.config.noise,
+            detection: &self.config.detection,
+        };
+        let found = rivals::find(&scene, &best, &mut self.associator, &self.config);
+        let mut margin = f64::INFINITY;
+        for rival in found {
+            let ahead = best.evidence - rival.evidence();
+            margin = margin.min(ahead);
+            if ahead < self.config.rivals.spawn_margin {
+                let past = best.past_weight - self.config.bank.jump_cost;
+                self.add(Hypothesis::beside(&best, &rival, past));
+            }
+        }
+        margin
+    }
+
+    fn speak(&mut self, margin: f64) -> Option<PoseEstimate> {
+        let best = self.bank.first()?;
+        let second = self.bank.get(1).map_or(f64::INFINITY, |second| best.log_weight - second.log_weight);
+        let status = health::judge(best, second, margin, self.is_lost, &self.config.health);
+        self.is_lost = status == Status::Lost;
+        if status == Status::Ok {
+            // Should it be lost from here on, it is searched around here.
+            self.region = Some(best.state.clone());
+        }
+        Some(PoseEstimate {
+            map_from_camera: best.state.map_from_camera,
+            covariance: best.state.pose_covariance(),
+            correspondences: best.correspondences.clone(),
+            residual_rms_px: best.rms_px,
+            iterations: best.iterations,
+            converged: best.converged,
+            status,
+            support: best.support,
+            margin: margin.min(second),
+        })
+    }
+
+    /// Covariance of the best hypothesis' pose, for displays.
+    pub fn covariance(&self) -> Option<Matrix6<f64>> {
+        self.bank.first().map(|best| best.state.pose_covariance())
+    }
+
+    /// Number of hypotheses that are tracked.
+    pub fn hypotheses(&self) -> usize {
+        self.bank.len()
+    }
+
+    /// Where the best hypothesis stands, map frame, metres.
+    pub fn position_map(&self) -> Option<Point3<f64>> {
+        self.bank.first().map(|best| Point3::from(best.state.map_from_camera.translation.vector))
+    }
+}
+
+/// The state of a camera of which only a rough pose is known.
+fn unknown_speed(rough: &Rough, bank: &BankConfig) -> State {
+    // Forward at any speed up to the highest; little of it sideways.
+    let (mean_m_s, sigma_m_s) = (bank.max_speed_m_s / 3.0, bank.max_speed_m_s / 3.0);
+    let side_m_s = mean_m_s * bank.mounting_sigma_rad;
+    let sigmas = Vector6::new(side_m_s, side_m_s, sigma_m_s, 0.05, 0.3, 0.05);
+    let velocity = Tangent::new(0.0, 0.0, mean_m_s, 0.0, 0.0, 0.0);
+    let covariance = Matrix6::from_diagonal(&sigmas.component_mul(&sigmas));
+    State::new(rough.map_from_camera, &rough.covariance(), velocity, &covariance)
+}
+
+/// The region of a state, at least as wide as is worth a search.
+fn rough_of(region: &State, config: &Config) -> Rough {
+    let own = region.pose_covariance();
+    let (health, start) = (&config.health, &config.start);
+    let least = Vector6::new(
+        health.search_sigma_m,
+        start.height_sigma_m,
+        health.search_sigma_m,
+        start.tilt_sigma_rad,
+        health.search_sigma_rad,
+        start.tilt_sigma_rad,
+    );
+    let sigmas = Vector6::from_fn(|i, _| {
+        let most = if i < 3 { health.max_search_sigma_m } else { 1.0 };
+        own[(i, i)].max(0.0).sqrt().min(most).max(least[i])
+    });
+    Rough { map_from_camera: region.map_from_camera, sigmas }
+}
+
+#[cfg(test)]
+mod tests;

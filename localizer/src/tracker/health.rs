@@ -1,0 +1,74 @@
+//! How far the best hypothesis can be trusted.
+
+use serde::{Deserialize, Serialize};
+
+use super::hypothesis::Hypothesis;
+use crate::estimate::Status;
+
+/// Settings of the health tests.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct HealthConfig {
+    /// A frame supports a pose with at least this, nats: two good matches more
+    /// than what should be seen and is not.
+    pub min_support: f64,
+    /// Horizontal standard deviation (m) up to which an estimate is ok: 0.2
+    /// keeps 95 % within half a metre.
+    pub ok_sigma_m: f64,
+    /// Horizontal standard deviation (m) above which it is lost: no lane can
+    /// be told any more.
+    pub lost_sigma_m: f64,
+    /// Frames that a hypothesis must have been tracked for to be ok.
+    pub verify_frames: usize,
+    /// Evidence by which it must lead over every other that is tracked, nats:
+    /// 3 is 95 %.
+    pub ok_lead: f64,
+    /// Mean squared whitened residual up to which the matches agree.
+    pub max_mean_square: f64,
+    /// Frames in a row without support after which it is lost.
+    pub lost_after_frames: usize,
+    /// Least standard deviation of the region searched then, metres.
+    pub search_sigma_m: f64,
+    /// Largest standard deviation of the region searched then, metres.
+    pub max_search_sigma_m: f64,
+    /// Least standard deviation of the headings searched then, radians.
+    pub search_sigma_rad: f64,
+}
+
+impl Default for HealthConfig {
+    fn default() -> Self {
+        Self {
+            min_support: 6.0,
+            ok_sigma_m: 0.2,
+            lost_sigma_m: 1.0,
+            verify_frames: 5,
+            ok_lead: 3.0,
+            max_mean_square: 4.0,
+            lost_after_frames: 8,
+            search_sigma_m: 1.5,
+            max_search_sigma_m: 6.0,
+            search_sigma_rad: 0.03,
+        }
+    }
+}
+
+/// Judges the best hypothesis: `lead` is its evidence over the next one that
+/// is tracked, `margin` its support over the best pose beside it, nats.
+pub fn judge(best: &Hypothesis, lead: f64, margin: f64, was_lost: bool, health: &HealthConfig) -> Status {
+    let covariance = best.state.pose_covariance();
+    let sigma_m = (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt();
+    let verified = best.age_frames >= health.verify_frames;
+    if sigma_m > health.lost_sigma_m
+        || best.weak_frames >= health.lost_after_frames
+        || (was_lost && !verified)
+    {
+        return Status::Lost;
+    }
+    let ok = verified
+        && sigma_m <= health.ok_sigma_m
+        && best.support >= health.min_support
+        && best.mean_square <= health.max_mean_square
+        && lead >= health.ok_lead
+        && margin >= 0.0;
+    if ok { Status::Ok } else { Status::Degraded }
+}

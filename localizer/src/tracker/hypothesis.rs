@@ -1,0 +1,243 @@
+//! One hypothesis: a filter, the evidence for it, and its last frame.
+
+use common::geometry::{PoseParameters, Tangent};
+use common::map::SemanticMap;
+use nalgebra::{Matrix6, Point3, Vector6};
+use serde::{Deserialize, Serialize};
+
+use crate::associate::matching::Scene;
+use crate::associate::robust::{Associator, Refined};
+use crate::config::Config;
+use crate::estimate::Correspondence;
+use crate::filter::State;
+use crate::gps::GpsFix;
+use crate::road_index::nearest_path;
+use crate::solver::Prior;
+use crate::start::{StartConfig, is_alike};
+
+/// Settings of the set of hypotheses.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BankConfig {
+    /// Evidence of the last frames together from which on nothing else is
+    /// searched, nats.
+    pub sure_evidence: f64,
+    /// Hypotheses younger than [`Self::young_frames`] that are kept.
+    pub young_capacity: usize,
+    /// Older hypotheses that are kept.
+    pub capacity: usize,
+    /// Age at which a hypothesis is no longer young, frames.
+    pub young_frames: usize,
+    /// Share of the evidence that is carried to the next frame. The same
+    /// landmarks are seen again with the same errors, so frames are not
+    /// independent: 0.8 lets about five count.
+    pub memory: f64,
+    /// Less evidence than the best by this much is refuted, nats.
+    pub prune_margin: f64,
+    /// What a hypothesis that was not tracked pays, nats: 5 says that one pose
+    /// in 150 is lost.
+    pub newcomer_cost: f64,
+    /// What a jump of the best pose pays, nats.
+    pub jump_cost: f64,
+    /// Evidence against a surprising motion is bounded by this, nats: a frame
+    /// may be dropped or doubled.
+    pub max_surprise: f64,
+    /// Hypotheses nearer than this are the same, metres.
+    pub alike_m: f64,
+    /// Hypotheses turned by less than this are the same, radians.
+    pub alike_rad: f64,
+    /// Highest speed that the start considers, m/s.
+    pub max_speed_m_s: f64,
+    /// Standard deviation of the camera's direction against the driving
+    /// direction, radians.
+    pub mounting_sigma_rad: f64,
+}
+
+impl Default for BankConfig {
+    fn default() -> Self {
+        Self {
+            sure_evidence: 15.0,
+            young_capacity: 24,
+            capacity: 4,
+            young_frames: 4,
+            memory: 0.8,
+            prune_margin: 30.0,
+            newcomer_cost: 5.0,
+            jump_cost: 15.0,
+            max_surprise: 8.0,
+            alike_m: 0.4,
+            alike_rad: 0.015,
+            max_speed_m_s: 45.0,
+            mounting_sigma_rad: 0.05,
+        }
+    }
+}
+
+impl BankConfig {
+    /// How many hypotheses of this age may be kept.
+    pub fn capacity(&self, age_frames: usize) -> usize {
+        if age_frames < self.young_frames { self.young_capacity } else { self.capacity }
+    }
+}
+
+/// One belief about where the camera is, and what speaks for it.
+#[derive(Debug, Clone)]
+pub struct Hypothesis {
+    /// Pose and velocity.
+    pub state: State,
+    /// Evidence with fading memory, nats.
+    pub log_weight: f64,
+    /// The evidence before this frame.
+    pub past_weight: f64,
+    /// Frames that it was tracked for.
+    pub age_frames: usize,
+    /// Frames in a row whose support was below the least.
+    pub weak_frames: usize,
+    /// The speed is not known yet.
+    pub speed_is_unknown: bool,
+    /// Support of the last frame, nats.
+    pub support: f64,
+    /// What the last frame added to the evidence, nats.
+    pub evidence: f64,
+    /// Mean squared whitened residual of the last frame.
+    pub mean_square: f64,
+    /// Root mean square distance of its matches, pixels.
+    pub rms_px: f64,
+    /// Solver iterations in the last frame.
+    pub iterations: usize,
+    /// The solver reached a minimum.
+    pub converged: bool,
+    /// Its matches.
+    pub correspondences: Vec<Correspondence>,
+}
+
+impl Hypothesis {
+    /// A pose that the search found, of unknown speed.
+    pub fn found(refined: &Refined, past_weight: f64, config: &Config) -> Self {
+        let bank = &config.bank;
+        let side = bank.max_speed_m_s * bank.mounting_sigma_rad;
+        let turn = 0.3;
+        let sway = 0.05;
+        let sigmas = Vector6::new(side, side, bank.max_speed_m_s / 3.0, sway, turn, sway);
+        let velocity = Matrix6::from_diagonal(&sigmas.component_mul(&sigmas));
+        let mut hypothesis = Self::blank(
+            State::new(refined.map_from_camera, &(refined.covariance * config.robust.gate_inflation), Tangent::zeros(), &velocity),
+            past_weight,
+        );
+        hypothesis.speed_is_unknown = true;
+        hypothesis.take(refined, refined.prior_cost);
+        hypothesis
+    }
+
+    /// A rival of `best` that moves as it does.
+    pub fn beside(best: &Self, rival: &Refined, past_weight: f64) -> Self {
+        let mut state = best.state.clone();
+        state.update(&rival.map_from_camera, &rival.covariance);
+        state.velocity = best.state.velocity;
+        let mut hypothesis = Self::blank(state, past_weight);
+        hypothesis.speed_is_unknown = best.speed_is_unknown;
+        hypothesis.take(rival, rival.prior_cost);
+        hypothesis
+    }
+
+    fn blank(state: State, past_weight: f64) -> Self {
+        Self {
+            state,
+            log_weight: past_weight,
+            past_weight,
+            age_frames: 0,
+            weak_frames: 0,
+            speed_is_unknown: false,
+            support: 0.0,
+            evidence: 0.0,
+            mean_square: 0.0,
+            rms_px: 0.0,
+            iterations: 0,
+            converged: false,
+            correspondences: Vec::new(),
+        }
+    }
+
+    fn take(&mut self, refined: &Refined, surprise: f64) {
+        self.support = refined.support;
+        self.mean_square = refined.mean_square;
+        self.rms_px = refined.rms_px;
+        self.iterations = refined.iterations;
+        self.converged = refined.converged;
+        self.evidence = refined.support + refined.occam - surprise;
+        self.log_weight = self.past_weight + self.evidence;
+    }
+
+    /// Both tell the same.
+    pub fn is_like(&self, other: &Self, bank: &BankConfig) -> bool {
+        is_alike(&self.state.map_from_camera, &other.state.map_from_camera, bank.alike_m, bank.alike_rad)
+            && (self.speed_is_unknown == other.speed_is_unknown || !self.speed_is_unknown)
+    }
+
+    /// Moves on by `dt_s` into `out`: once, or once for each speed while the
+    /// speed is unknown.
+    pub fn predict(mut self, dt_s: f64, config: &Config, out: &mut Vec<Self>) {
+        self.past_weight = self.log_weight * config.bank.memory;
+        self.age_frames += 1;
+        if !self.speed_is_unknown || dt_s <= 0.0 {
+            self.state = self.state.predicted(dt_s, &config.motion);
+            out.push(self);
+            return;
+        }
+        // Steps that the association bridges, over the distance driven.
+        let step_m_s = config.start.step_m / dt_s;
+        let steps = (config.bank.max_speed_m_s / step_m_s).ceil() as usize;
+        for i in 0..=steps {
+            let speed_m_s = i as f64 * step_m_s;
+            let mounting = (speed_m_s * config.bank.mounting_sigma_rad).max(0.3);
+            let sigmas = Vector6::new(mounting, mounting, 0.6 * step_m_s, 0.05, 0.3, 0.05);
+            let mut split = self.clone();
+            split.state = State::new(
+                self.state.map_from_camera,
+                &self.state.pose_covariance(),
+                Tangent::new(0.0, 0.0, speed_m_s, 0.0, 0.0, 0.0),
+                &Matrix6::from_diagonal(&sigmas.component_mul(&sigmas)),
+            )
+            .predicted(dt_s, &config.motion);
+            split.speed_is_unknown = false;
+            split.past_weight -= ((steps + 1) as f64).ln();
+            out.push(split);
+        }
+    }
+
+    /// Keeps height, pitch and roll from wandering off where the images do not
+    /// fix them: they are known from the survey's path, but no better for
+    /// being said in every frame.
+    pub fn constrain_to_path(&mut self, map: &SemanticMap, roads: &[u32], start: &StartConfig) {
+        let position = Point3::from(self.state.map_from_camera.translation.vector);
+        let Some(place) = nearest_path(map, roads, &position) else { return };
+        let off = position - place.point_map;
+        if off.x.hypot(off.z) > start.path_reach_m {
+            return;
+        }
+        let own = PoseParameters::from_pose(&self.state.map_from_camera);
+        let forward = place.forward_map;
+        let agreement = (own.yaw_rad - forward.x.atan2(forward.z)).cos();
+        let pitch_rad = (-forward.y).clamp(-1.0, 1.0).asin() * agreement;
+        let height_m = place.point_map.y - start.height_above_path_m;
+        self.state.constrain(1, height_m - own.y_m, start.height_sigma_m);
+        self.state.constrain(3, pitch_rad - own.pitch_rad, start.tilt_sigma_rad);
+        self.state.constrain(5, -own.roll_rad, start.tilt_sigma_rad);
+    }
+
+    /// Associates and localizes in the scene, and weighs the result.
+    pub fn observe(&mut self, scene: &Scene<'_>, associator: &mut Associator, gps: Option<&GpsFix>, config: &Config) {
+        self.correspondences.clear();
+        let covariance = self.state.pose_covariance();
+        let predicted = self.state.map_from_camera;
+        let refined = Prior::new(predicted, &covariance).and_then(|prior| {
+            associator.refine(scene, &predicted, &covariance, &prior, &config.robust, &config.solver)
+        });
+        let Some(refined) = refined else { return };
+        let surprise = refined.prior_cost + gps.map_or(0.0, |fix| fix.surprise(&refined.map_from_camera));
+        self.take(&refined, surprise.min(config.bank.max_surprise));
+        self.state.update(&refined.map_from_camera, &refined.covariance);
+        self.weak_frames = if refined.support < config.health.min_support { self.weak_frames + 1 } else { 0 };
+        self.correspondences = associator.correspondences(scene, &refined.map_from_camera, &config.solver);
+    }
+}

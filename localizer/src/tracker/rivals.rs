@@ -1,0 +1,85 @@
+//! Poses beside the best one that may explain a frame as well: the next lane,
+//! the same place one delineator further.
+
+use common::geometry::{Tangent, local, retract};
+use nalgebra::{Matrix6, Vector6};
+use serde::{Deserialize, Serialize};
+
+use super::hypothesis::Hypothesis;
+use crate::associate::matching::Scene;
+use crate::associate::robust::{Associator, Refined};
+use crate::config::Config;
+use crate::preselect::Reach;
+use crate::solver::Prior;
+
+/// Settings of the look beside.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RivalConfig {
+    /// Shifts to the sides that are tried, metres: half and whole lanes.
+    pub sideways_m: Vec<f64>,
+    /// Shifts along the road that are tried, metres: what repeats along roads
+    /// (dashes, delineators) and what a motion surprise may be.
+    pub along_m: Vec<f64>,
+    /// The best of the shifted poses that are refined.
+    pub refined: usize,
+    /// A rival that has less support than the best by no more than this is
+    /// tracked on, nats.
+    pub spawn_margin: f64,
+    /// A rival lies at least this far from the best, metres.
+    pub distinct_m: f64,
+}
+
+impl Default for RivalConfig {
+    fn default() -> Self {
+        Self {
+            sideways_m: vec![-3.5, -1.5, 1.5, 3.5],
+            along_m: vec![-6.0, -3.0, -1.5, 1.5, 3.0, 6.0],
+            refined: 2,
+            spawn_margin: 2.0,
+            distinct_m: 0.7,
+        }
+    }
+}
+
+impl RivalConfig {
+    /// How far the shifted poses lie around one with this covariance.
+    pub fn reach(&self, covariance: &Matrix6<f64>) -> Reach {
+        let own = Reach::of_covariance(covariance);
+        let most_m = self.sideways_m.iter().chain(&self.along_m).fold(0.0_f64, |most, m| most.max(m.abs()));
+        Reach { position_m: own.position_m + most_m, angle_rad: own.angle_rad + 0.05 }
+    }
+}
+
+/// The refined rivals of `best` in this scene, all distinct from it.
+pub fn find(scene: &Scene<'_>, best: &Hypothesis, associator: &mut Associator, config: &Config) -> Vec<Refined> {
+    let rivals = &config.rivals;
+    let pose = best.state.map_from_camera;
+    let shifts = rivals
+        .sideways_m
+        .iter()
+        .map(|&m| Tangent::new(m, 0.0, 0.0, 0.0, 0.0, 0.0))
+        .chain(rivals.along_m.iter().map(|&m| Tangent::new(0.0, 0.0, m, 0.0, 0.0, 0.0)));
+    // Each is as uncertain as the shifts are apart.
+    let sigmas = Vector6::new(0.5, 0.1, 0.6, 0.01, 0.015, 0.01);
+    let covariance = Matrix6::from_diagonal(&sigmas.component_mul(&sigmas));
+    let mut scored: Vec<_> = shifts
+        .map(|shift| {
+            let shifted = retract(&pose, &shift);
+            (associator.matcher.run(scene, &shifted, &covariance), shifted)
+        })
+        .collect();
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut found: Vec<Refined> = Vec::new();
+    for (_, shifted) in scored.into_iter().take(rivals.refined) {
+        let Some(prior) = Prior::new(shifted, &covariance) else { continue };
+        let refined =
+            associator.refine(scene, &shifted, &covariance, &prior, &config.robust, &config.solver);
+        let Some(refined) = refined else { continue };
+        let off_m = local(&pose, &refined.map_from_camera).fixed_rows::<3>(0).norm();
+        if off_m >= rivals.distinct_m {
+            found.push(refined);
+        }
+    }
+    found
+}

@@ -1,0 +1,54 @@
+//! One lidar scan, read and prepared.
+
+use std::path::Path as FilePath;
+
+use common::kitti::{Scan, read_scan};
+use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
+
+/// Points of a scan in the Velodyne frame.
+#[derive(Debug, Clone, Default)]
+pub struct LidarScan {
+    /// Positions, Velodyne frame, metres.
+    pub points: Vec<Point3<f64>>,
+    /// Reflectance of each point, 0 to 1.
+    pub reflectance: Vec<f32>,
+    /// Points dropped because a coordinate was not finite.
+    pub dropped_not_finite: usize,
+    /// Points dropped because they lay out of range.
+    pub dropped_out_of_range: usize,
+}
+
+impl LidarScan {
+    /// Reads a scan and turns every point by `vertical_angle_rad` upwards
+    /// about the horizontal axis across its ray.
+    ///
+    /// # Errors
+    /// As [`read_scan`].
+    pub fn read(path: &FilePath, max_range_m: f32, vertical_angle_rad: f64) -> common::Result<Self> {
+        Ok(Self::prepare(&read_scan(path, max_range_m)?, vertical_angle_rad))
+    }
+
+    /// As [`Self::read`], from a scan already in memory.
+    pub fn prepare(scan: &Scan, vertical_angle_rad: f64) -> Self {
+        let raw = |p: &common::kitti::ScanPoint| Point3::new(f64::from(p.x_m), f64::from(p.y_m), f64::from(p.z_m));
+        let points = if vertical_angle_rad == 0.0 {
+            scan.points.iter().map(raw).collect()
+        } else {
+            scan.points.iter().map(|p| raised(&raw(p), vertical_angle_rad)).collect()
+        };
+        Self {
+            points,
+            reflectance: scan.points.iter().map(|p| p.reflectance).collect(),
+            dropped_not_finite: scan.dropped_not_finite,
+            dropped_out_of_range: scan.dropped_out_of_range,
+        }
+    }
+}
+
+/// A point whose ray is turned up by an angle.
+fn raised(p: &Point3<f64>, angle_rad: f64) -> Point3<f64> {
+    match Unit::try_new(p.coords.cross(&Vector3::z()), 1e-9) {
+        Some(axis) => UnitQuaternion::from_axis_angle(&axis, angle_rad) * p,
+        None => *p,
+    }
+}

@@ -1,0 +1,126 @@
+//! Voxel statistics of clouds: count, mean and scatter per cell.
+
+use nalgebra::{Matrix3, Point3, SymmetricEigen, Vector3};
+
+/// Index of a voxel: 21 bits per axis, enough for 2 million cells each way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct VoxelKey(u64);
+
+const AXIS_BITS: u32 = 21;
+const AXIS_HALF: i64 = 1 << (AXIS_BITS - 1);
+
+impl VoxelKey {
+    /// The voxel of edge `1 / inverse_cell` that holds a point.
+    pub fn of(point: &Point3<f64>, inverse_cell: f64) -> Self {
+        let axis = |v: f64| (((v * inverse_cell).floor() as i64) + AXIS_HALF).clamp(0, 2 * AXIS_HALF - 1) as u64;
+        Self(axis(point.x) << (2 * AXIS_BITS) | axis(point.y) << AXIS_BITS | axis(point.z))
+    }
+}
+
+/// Count, mean and scatter of points; two can be merged exactly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moments {
+    /// Number of points.
+    pub count: f64,
+    /// Their mean, metres.
+    pub mean: Point3<f64>,
+    /// Sum of the outer products of their deviations from the mean, m^2.
+    pub scatter: Matrix3<f64>,
+}
+
+impl Moments {
+    /// The moments of one point.
+    pub fn of_point(point: Point3<f64>) -> Self {
+        Self { count: 1.0, mean: point, scatter: Matrix3::zeros() }
+    }
+
+    /// The moments of both sets together (Chan, Golub, LeVeque 1979).
+    pub fn merged(&self, other: &Self) -> Self {
+        let count = self.count + other.count;
+        let apart = other.mean - self.mean;
+        let share = other.count / count;
+        Self {
+            count,
+            mean: self.mean + apart * share,
+            scatter: self.scatter + other.scatter + apart * apart.transpose() * (self.count * share),
+        }
+    }
+
+    /// The moments of the points moved rigidly.
+    pub fn transformed(&self, b_from_a: &common::geometry::Pose) -> Self {
+        let rotation = b_from_a.rotation.to_rotation_matrix();
+        Self {
+            count: self.count,
+            mean: b_from_a * self.mean,
+            scatter: rotation.matrix() * self.scatter * rotation.matrix().transpose(),
+        }
+    }
+
+    /// Standard deviations (m), largest first, and their directions.
+    pub fn axes(&self) -> ([f64; 3], [Vector3<f64>; 3]) {
+        let eigen = SymmetricEigen::new(self.scatter / self.count);
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        (order.map(|i| eigen.eigenvalues[i].max(0.0).sqrt()), order.map(|i| eigen.eigenvectors.column(i).into_owned()))
+    }
+}
+
+/// The moments of the occupied voxels of a cloud, in the order of their keys,
+/// so that the result does not depend on the order of the points' cells.
+pub fn voxel_moments(points: &[Point3<f64>], cell_m: f64) -> Vec<Moments> {
+    let inverse = 1.0 / cell_m;
+    let mut keyed: Vec<(VoxelKey, u32)> =
+        points.iter().enumerate().map(|(i, p)| (VoxelKey::of(p, inverse), i as u32)).collect();
+    keyed.sort_unstable();
+    keyed
+        .chunk_by(|a, b| a.0 == b.0)
+        .map(|cell| {
+            let count = cell.len() as f64;
+            let origin = points[cell[0].1 as usize];
+            let (mut sum, mut outer) = (Vector3::zeros(), Matrix3::zeros());
+            for &(_, i) in cell {
+                let d = points[i as usize] - origin;
+                sum += d;
+                outer += d * d.transpose();
+            }
+            let mean = sum / count;
+            Moments { count, mean: origin + mean, scatter: outer - mean * mean.transpose() * count }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cloud() -> Vec<Point3<f64>> {
+        (0..200)
+            .map(|i| {
+                let t = f64::from(i);
+                Point3::new((t * 0.37).sin() * 2.0, (t * 0.11).cos(), t * 0.01 - 1.0)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn merged_moments_are_the_moments_of_all_points() {
+        let points = cloud();
+        let merged = voxel_moments(&points, 0.5).iter().copied().reduce(|a, b| a.merged(&b)).unwrap();
+        let whole = voxel_moments(&points, 1e4);
+        // The grid's origin is a cell corner, so one huge cell may be up to eight.
+        let whole = whole.iter().copied().reduce(|a, b| a.merged(&b)).unwrap();
+        assert!((merged.mean - whole.mean).norm() < 1e-9);
+        assert!((merged.scatter - whole.scatter).norm() < 1e-6);
+        assert!((merged.count - 200.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_order_of_points_changes_no_cell() {
+        let points = cloud();
+        let mut reversed = points.clone();
+        reversed.reverse();
+        let (a, b) = (voxel_moments(&points, 0.5), voxel_moments(&reversed, 0.5));
+        assert_eq!(a.len(), b.len());
+        assert!(a.iter().zip(&b).all(|(p, q)| (p.mean - q.mean).norm() < 1e-9));
+    }
+}

@@ -1,0 +1,187 @@
+//! The stitched cloud of one stretch of road.
+
+use nalgebra::{Point2, Point3};
+
+use crate::config::Config;
+use crate::drive::Drive;
+use crate::error::Result;
+use crate::grid::Grid;
+use crate::ground::Ground;
+use crate::lanes::contrasts;
+use crate::path::{Path, PathPlace};
+use crate::register::Registration;
+
+/// A point of the stitched cloud.
+#[derive(Debug, Clone, Copy)]
+pub struct CloudPoint {
+    /// Position, map frame, metres.
+    pub position: Point3<f64>,
+    /// Height above the ground, metres.
+    pub height_m: f32,
+    /// Reflectance, 0 to 1.
+    pub reflectance: f32,
+    /// Distance from the lidar, metres.
+    pub range_m: f32,
+    /// How much brighter than its beam on both sides, in standard deviations;
+    /// none where the question makes no sense (walls, far points).
+    pub contrast: Option<f32>,
+    /// Which of the stitched scans it is from.
+    pub scan: u16,
+}
+
+/// The stitched cloud of one stretch of road, with its ground.
+pub struct Cloud {
+    /// Points in the order of the scans.
+    pub points: Vec<CloudPoint>,
+    /// The ground.
+    pub ground: Ground,
+    /// The driven path.
+    pub path: Path,
+    /// Position of the lidar in each stitched scan, map frame, metres.
+    pub sensor_map: Vec<Point3<f64>>,
+    /// Indices of the points that stand on the ground, by cell of its grid.
+    by_cell: Vec<u32>,
+    /// Where each cell begins in `by_cell`.
+    starts: Vec<u32>,
+}
+
+/// What part of the world is stitched.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CloudConfig {
+    /// Largest distance from the path, metres: landmarks farther off the road
+    /// are hidden from it more often than not, and small in the image.
+    pub half_width_m: f64,
+    /// Length mapped beyond the first and the last stitched frame, metres.
+    pub beyond_m: f64,
+    /// Largest range of a point, metres: farther ones are too sparse for
+    /// thin poles.
+    pub max_range_m: f64,
+    /// Smallest range, metres: nearer echoes are the carrier vehicle.
+    pub min_range_m: f64,
+}
+
+impl Default for CloudConfig {
+    fn default() -> Self {
+        Self { half_width_m: 25.0, beyond_m: 40.0, max_range_m: 60.0, min_range_m: 2.5 }
+    }
+}
+
+/// Rectangle of map (x, z) around a path.
+fn grid_around(path: &Path, half_width_m: f64, cell_m: f64) -> Grid {
+    let mut low = Point2::new(f64::INFINITY, f64::INFINITY);
+    let mut high = Point2::new(f64::NEG_INFINITY, f64::NEG_INFINITY);
+    for v in path.vertices() {
+        low = Point2::new(low.x.min(v.x), low.y.min(v.z));
+        high = Point2::new(high.x.max(v.x), high.y.max(v.z));
+    }
+    let margin = nalgebra::Vector2::repeat(half_width_m);
+    Grid::covering(low - margin, high + margin, cell_m)
+}
+
+impl Cloud {
+    /// Stitches `frames` of a drive at registered poses.
+    ///
+    /// # Errors
+    /// A scan that cannot be read.
+    pub fn stitch(drive: &Drive, frames: &[usize], registration: &Registration, settings: &Config) -> Result<Self> {
+        let (config, ground_config) = (&settings.cloud, &settings.ground);
+        let map_from_camera = &registration.map_from_camera;
+        let (first, last) = (frames.first().copied().unwrap_or(0), frames.last().copied().unwrap_or(0));
+        let centres: Vec<Point3<f64>> =
+            map_from_camera[first..=last].iter().map(|p| p.translation.vector.into()).collect();
+        let path = Path::new(&centres, config.beyond_m);
+        let grid = grid_around(&path, config.half_width_m, ground_config.cell_m);
+        let near: Vec<bool> =
+            (0..grid.len()).map(|i| path.place(&grid.centre(i)).offset_m.abs() < config.half_width_m).collect();
+        let range = config.min_range_m..config.max_range_m;
+        let mut points = Vec::new();
+        let mut sensor_map = Vec::new();
+        drive.for_each(
+            frames,
+            registration.report.vertical_angle_rad,
+            |frame, scan| {
+                let map_from_velodyne = map_from_camera[frame] * drive.camera_from_velodyne;
+                let contrast = contrasts(&scan, &settings.lanes.contrast);
+                let stitched: Vec<CloudPoint> = scan
+                    .points
+                    .iter()
+                    .zip(&scan.reflectance)
+                    .zip(contrast)
+                    .filter_map(|((p, &reflectance), contrast)| {
+                        let range_m = p.coords.norm();
+                        if !range.contains(&range_m) {
+                            return None;
+                        }
+                        let position = map_from_velodyne * p;
+                        near[grid.index(&Point2::new(position.x, position.z))?].then_some(CloudPoint {
+                            position,
+                            height_m: 0.0,
+                            reflectance,
+                            range_m: range_m as f32,
+                            contrast,
+                            scan: 0,
+                        })
+                    })
+                    .collect();
+                (Point3::from(map_from_velodyne.translation.vector), stitched)
+            },
+            |_, (sensor, mut stitched)| {
+                let scan = sensor_map.len() as u16;
+                sensor_map.push(sensor);
+                stitched.iter_mut().for_each(|p| p.scan = scan);
+                points.append(&mut stitched);
+            },
+        )?;
+        let ground = Ground::grow(points.iter().map(|p| p.position), &path, grid, ground_config);
+        for p in &mut points {
+            let at = Point2::new(p.position.x, p.position.z);
+            p.height_m = ground.height_m(&at).map_or(f32::NAN, |g| (-p.position.y - g) as f32);
+        }
+        let (starts, by_cell) = index_standing(&points, &ground, ground_config.thickness_m as f32);
+        Ok(Self { points, ground, path, sensor_map, by_cell, starts })
+    }
+
+    /// Points whose column is within `radius_m` (at most one cell of the
+    /// ground's grid) of map (x, z), and a few more.
+    pub fn near(&self, at: &Point2<f64>) -> impl Iterator<Item = &CloudPoint> {
+        let grid = self.ground.grid();
+        let middle = grid.cell(at);
+        let span = |c: usize, n: usize| c.saturating_sub(1)..(c + 2).min(n);
+        middle.into_iter().flat_map(move |(x, z)| {
+            span(z, grid.height).flat_map(move |z| {
+                span(x, grid.width).flat_map(move |x| {
+                    let cell = z * grid.width + x;
+                    let range = self.starts[cell] as usize..self.starts[cell + 1] as usize;
+                    self.by_cell[range].iter().map(|i| &self.points[*i as usize])
+                })
+            })
+        })
+    }
+
+    /// Where a point lies beside the path.
+    pub fn place(&self, p: &Point3<f64>) -> PathPlace {
+        self.path.place(&Point2::new(p.x, p.z))
+    }
+}
+
+/// Counting sort of the points above the ground by the cell of its grid.
+fn index_standing(points: &[CloudPoint], ground: &Ground, above_m: f32) -> (Vec<u32>, Vec<u32>) {
+    let cell = |p: &CloudPoint| {
+        (p.height_m > above_m).then(|| ground.grid().index(&Point2::new(p.position.x, p.position.z))).flatten()
+    };
+    let mut starts = vec![0_u32; ground.grid().len() + 1];
+    points.iter().filter_map(cell).for_each(|c| starts[c + 1] += 1);
+    for i in 1..starts.len() {
+        starts[i] += starts[i - 1];
+    }
+    let mut next = starts.clone();
+    let mut by_cell = vec![0_u32; starts.last().map_or(0, |n| *n as usize)];
+    for (i, p) in points.iter().enumerate() {
+        if let Some(c) = cell(p) {
+            by_cell[next[c] as usize] = i as u32;
+            next[c] += 1;
+        }
+    }
+    (starts, by_cell)
+}

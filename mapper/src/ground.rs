@@ -1,0 +1,171 @@
+//! The ground under and beside the driven path, from the stitched scans.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use nalgebra::{Point2, Point3};
+use serde::{Deserialize, Serialize};
+
+use crate::grid::Grid;
+use crate::path::Path;
+
+/// How the ground is told from what stands on it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GroundConfig {
+    /// Edge of a cell of the height map, metres: as small as the gaps between
+    /// the rings of a stitched cloud allow.
+    pub cell_m: f64,
+    /// Points in a height bin that make it more than a stray echo.
+    pub fewest_points: u32,
+    /// Largest step between neighbouring cells of ground, metres: a kerb
+    /// (0.15 m) on a slope of 15 %.
+    pub largest_step_m: f64,
+    /// Points nearer than this to the height map are ground, metres.
+    pub thickness_m: f64,
+}
+
+impl Default for GroundConfig {
+    fn default() -> Self {
+        Self { cell_m: 1.0, fewest_points: 4, largest_step_m: 0.3, thickness_m: 0.15 }
+    }
+}
+
+/// Height bins below and above the camera.
+const LOWEST_M: f64 = -6.0;
+const HIGHEST_M: f64 = 3.0;
+const BIN_M: f64 = 0.05;
+
+/// A height map of the ground. Heights are along -y of the map.
+#[derive(Debug, Clone)]
+pub struct Ground {
+    grid: Grid,
+    /// Height of each cell; NaN where the ground was not reached.
+    height_m: Vec<f64>,
+    /// Whether ground was seen in the cell, not only continued into it.
+    seen: Vec<bool>,
+}
+
+#[derive(PartialEq, PartialOrd)]
+struct Step(f64);
+impl Eq for Step {}
+impl Ord for Step {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.0.total_cmp(&other.0)
+    }
+}
+
+impl Ground {
+    /// Grows the ground from the driven path outwards over cells whose lowest
+    /// well-supported height steps little from their neighbour's.
+    pub fn grow(points_map: impl Iterator<Item = Point3<f64>>, path: &Path, grid: Grid, config: &GroundConfig) -> Self {
+        let bins = ((HIGHEST_M - LOWEST_M) / BIN_M) as usize;
+        let camera_height: Vec<f64> =
+            (0..grid.len()).map(|i| -path.at(path.place(&grid.centre(i)).station_m).0.y).collect();
+        let mut counts = vec![0_u16; grid.len() * bins];
+        let mut sums = vec![0.0_f32; grid.len() * bins];
+        for p in points_map {
+            let Some(cell) = grid.index(&Point2::new(p.x, p.z)) else { continue };
+            let relative = -p.y - camera_height[cell] - LOWEST_M;
+            let bin = relative / BIN_M;
+            if bin >= 0.0 && bin < bins as f64 {
+                let k = cell * bins + bin as usize;
+                counts[k] = counts[k].saturating_add(1);
+                sums[k] += relative as f32;
+            }
+        }
+        let lowest = |cell: usize| {
+            lowest_supported(
+                &counts[cell * bins..(cell + 1) * bins],
+                &sums[cell * bins..(cell + 1) * bins],
+                config.fewest_points,
+            )
+            .map(|h| h + LOWEST_M + camera_height[cell])
+        };
+        let candidate: Vec<Option<f64>> = (0..grid.len()).map(lowest).collect();
+
+        let mut height_m = vec![f64::NAN; grid.len()];
+        let mut seen = vec![false; grid.len()];
+        let mut queue = BinaryHeap::new();
+        for (cell, h) in seeds(&grid, path, &camera_height, &candidate) {
+            queue.push(Reverse((Step(0.0), cell, Step(h))));
+        }
+        while let Some(Reverse((_, cell, Step(from)))) = queue.pop() {
+            if !height_m[cell].is_nan() {
+                continue;
+            }
+            let step = candidate[cell].map(|h| (h, (h - from).abs()));
+            match step {
+                Some((h, off)) if off <= config.largest_step_m => {
+                    height_m[cell] = h;
+                    seen[cell] = true;
+                }
+                // Hidden or empty: the ground goes on at the height it came with.
+                _ => height_m[cell] = from,
+            }
+            for next in grid.neighbours(cell).filter(|n| height_m[*n].is_nan()) {
+                let cost = candidate[next].map_or(f64::INFINITY, |h| (h - height_m[cell]).abs());
+                let cost = if cost <= config.largest_step_m { cost } else { 1e3 };
+                queue.push(Reverse((Step(cost), next, Step(height_m[cell]))));
+            }
+        }
+        Self { grid, height_m, seen }
+    }
+
+    /// Height of the ground (along -y of the map, metres) at map (x, z),
+    /// bilinear between cell centres; none outside the grid.
+    pub fn height_m(&self, p: &Point2<f64>) -> Option<f64> {
+        self.grid.cell(p)?;
+        let u = (p.x - self.grid.origin.x) / self.grid.cell_m - 0.5;
+        let v = (p.y - self.grid.origin.y) / self.grid.cell_m - 0.5;
+        let clamp = |w: f64, n: usize| w.clamp(0.0, (n - 1) as f64);
+        let (u, v) = (clamp(u, self.grid.width), clamp(v, self.grid.height));
+        let (x, z) = (u as usize, v as usize);
+        let (x1, z1) = ((x + 1).min(self.grid.width - 1), (z + 1).min(self.grid.height - 1));
+        let (fu, fv) = (u - x as f64, v - z as f64);
+        let at = |x: usize, z: usize| self.height_m[z * self.grid.width + x];
+        let near = at(x, z) * (1.0 - fu) + at(x1, z) * fu;
+        let far = at(x, z1) * (1.0 - fu) + at(x1, z1) * fu;
+        let height = near * (1.0 - fv) + far * fv;
+        height.is_finite().then_some(height)
+    }
+
+    /// Whether ground was seen in the cell that holds map (x, z).
+    pub fn is_seen(&self, p: &Point2<f64>) -> bool {
+        self.grid.index(p).is_some_and(|i| self.seen[i])
+    }
+
+    /// The grid of the height map.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+}
+
+/// Mean height over the lowest window of three bins that holds enough points,
+/// relative to the lowest bin, metres.
+fn lowest_supported(counts: &[u16], sums: &[f32], fewest: u32) -> Option<f64> {
+    (0..counts.len().saturating_sub(2)).find_map(|b| {
+        let n: u32 = counts[b..b + 3].iter().map(|c| u32::from(*c)).sum();
+        let sum: f32 = sums[b..b + 3].iter().sum();
+        (n >= fewest && counts[b] > 0).then(|| f64::from(sum) / f64::from(n))
+    })
+}
+
+/// Cells under the path at the camera's usual height above the ground.
+fn seeds(grid: &Grid, path: &Path, camera_height: &[f64], candidate: &[Option<f64>]) -> Vec<(usize, f64)> {
+    let mut under: Vec<(usize, f64)> = path
+        .vertices()
+        .iter()
+        .filter_map(|v| {
+            let cell = grid.index(&Point2::new(v.x, v.z))?;
+            Some((cell, candidate[cell]? - camera_height[cell]))
+        })
+        .collect();
+    under.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let Some(&(_, usual)) = under.get(under.len() / 2) else { return Vec::new() };
+    under
+        .into_iter()
+        .filter(|(_, h)| (h - usual).abs() < 0.3)
+        .map(|(cell, h)| (cell, h + camera_height[cell]))
+        .collect()
+}

@@ -1,0 +1,167 @@
+//! The driven path on the ground plane: station along it, offset beside it.
+
+use nalgebra::{Point2, Point3, Vector2};
+
+/// A place relative to the path: `station_m` along it from its first vertex,
+/// `offset_m` to the right of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PathPlace {
+    /// Distance along the path, metres; negative before its start.
+    pub station_m: f64,
+    /// Distance to the right of the path, metres; negative to the left.
+    pub offset_m: f64,
+    /// Unit direction of the path there, map (x, z).
+    pub direction: Vector2<f64>,
+}
+
+/// The driven path, straight on beyond both ends. Map axes: x right, z
+/// forward, y down; the path keeps the camera's y.
+#[derive(Debug, Clone)]
+pub struct Path {
+    vertices: Vec<Point3<f64>>,
+    stations_m: Vec<f64>,
+}
+
+/// Steps shorter than this say more about noise than about direction.
+const SHORTEST_STEP_M: f64 = 0.5;
+/// Length over which the direction of the straight continuation is taken.
+const END_DIRECTION_M: f64 = 5.0;
+
+fn ground(p: &Point3<f64>) -> Point2<f64> {
+    Point2::new(p.x, p.z)
+}
+
+impl Path {
+    /// The path through camera centres (map frame, metres), continued
+    /// straight by `beyond_m` at both ends. Fewer than two distinct centres
+    /// give a path along map z.
+    pub fn new(centres_map: &[Point3<f64>], beyond_m: f64) -> Self {
+        let mut vertices: Vec<Point3<f64>> = Vec::new();
+        for p in centres_map {
+            if vertices.last().is_none_or(|q| (ground(p) - ground(q)).norm() > SHORTEST_STEP_M) {
+                vertices.push(*p);
+            }
+        }
+        if vertices.len() < 2 {
+            let p = vertices.first().copied().unwrap_or_else(Point3::origin);
+            vertices = vec![p, p + nalgebra::Vector3::z()];
+        }
+        let continued = |mut from: Box<dyn Iterator<Item = &Point3<f64>> + '_>| {
+            let end = *from.next()?;
+            let inner = *from.find(|p| (ground(p) - ground(&end)).norm() > END_DIRECTION_M)?;
+            Some(end + (end - inner) * (beyond_m / (end - inner).norm()))
+        };
+        let simple = |end: Point3<f64>, inner: Point3<f64>| end + (end - inner) * (beyond_m / (end - inner).norm());
+        let n = vertices.len();
+        let before = continued(Box::new(vertices.iter())).unwrap_or_else(|| simple(vertices[0], vertices[1]));
+        let after =
+            continued(Box::new(vertices.iter().rev())).unwrap_or_else(|| simple(vertices[n - 1], vertices[n - 2]));
+        if beyond_m > 0.0 {
+            vertices.insert(0, before);
+            vertices.push(after);
+        }
+        let mut stations_m = Vec::with_capacity(vertices.len());
+        let mut station = if beyond_m > 0.0 { -beyond_m } else { 0.0 };
+        for (i, v) in vertices.iter().enumerate() {
+            if i > 0 {
+                station += (ground(v) - ground(&vertices[i - 1])).norm();
+            }
+            stations_m.push(station);
+        }
+        Self { vertices, stations_m }
+    }
+
+    /// Station of the last vertex, metres.
+    pub fn end_station_m(&self) -> f64 {
+        self.stations_m.last().copied().unwrap_or(0.0)
+    }
+
+    /// Station of the first vertex, metres.
+    pub fn start_station_m(&self) -> f64 {
+        self.stations_m.first().copied().unwrap_or(0.0)
+    }
+
+    /// The vertices, map frame, metres.
+    pub fn vertices(&self) -> &[Point3<f64>] {
+        &self.vertices
+    }
+
+    /// The place of a point given by its map (x, z).
+    pub fn place(&self, p: &Point2<f64>) -> PathPlace {
+        let mut best = (f64::INFINITY, PathPlace { station_m: 0.0, offset_m: 0.0, direction: Vector2::new(0.0, 1.0) });
+        for (i, w) in self.vertices.windows(2).enumerate() {
+            let (a, b) = (ground(&w[0]), ground(&w[1]));
+            let length = (b - a).norm();
+            let direction = (b - a) / length;
+            let along = (p - a).dot(&direction).clamp(0.0, length);
+            let foot = a + direction * along;
+            let distance = (p - foot).norm_squared();
+            if distance < best.0 {
+                // Right of (dx, dz) seen from above, y down: (dz, -dx).
+                let right = Vector2::new(direction.y, -direction.x);
+                let place = PathPlace {
+                    station_m: self.stations_m[i] + along,
+                    offset_m: (p - foot).norm().copysign((p - a).dot(&right)),
+                    direction,
+                };
+                best = (distance, place);
+            }
+        }
+        best.1
+    }
+
+    /// Point of the path at a station (camera height), map frame, metres, and
+    /// the path's direction there in map (x, z).
+    pub fn at(&self, station_m: f64) -> (Point3<f64>, Vector2<f64>) {
+        let i = self.stations_m.partition_point(|s| *s <= station_m).clamp(1, self.vertices.len() - 1);
+        let (a, b) = (self.vertices[i - 1], self.vertices[i]);
+        let length = self.stations_m[i] - self.stations_m[i - 1];
+        let point = a + (b - a) * ((station_m - self.stations_m[i - 1]) / length);
+        (point, (ground(&b) - ground(&a)) / length)
+    }
+
+    /// The map point at a place beside the path, at the path's height.
+    pub fn beside(&self, station_m: f64, offset_m: f64) -> Point3<f64> {
+        let (p, direction) = self.at(station_m);
+        Point3::new(p.x + direction.y * offset_m, p.y, p.z - direction.x * offset_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bend() -> Path {
+        let centres: Vec<_> = (0..60)
+            .map(|i| {
+                let a = f64::from(i) * 0.02;
+                Point3::new(50.0 * (1.0 - a.cos()), 0.1 * a, 50.0 * a.sin())
+            })
+            .collect();
+        Path::new(&centres, 20.0)
+    }
+
+    #[test]
+    fn place_undoes_beside_on_a_bend() {
+        let path = bend();
+        for (s, d) in [(-10.0, 3.0), (5.0, -4.0), (30.0, 7.5), (45.0, -9.0), (65.0, 2.0)] {
+            let p = path.beside(s, d);
+            let place = path.place(&Point2::new(p.x, p.z));
+            // The vertices of the polyline leave a wedge of a few centimetres.
+            assert!((place.station_m - s).abs() < 0.15, "{s} {d} {place:?}");
+            assert!((place.offset_m - d).abs() < 0.02, "{s} {d} {place:?}");
+        }
+    }
+
+    #[test]
+    fn right_is_positive() {
+        let path = Path::new(&[Point3::origin(), Point3::new(0.0, 0.0, 9.0)], 0.0);
+        assert!(path.place(&Point2::new(2.0, 4.0)).offset_m > 1.9);
+    }
+
+    #[test]
+    fn a_vehicle_that_stands_still_has_a_path() {
+        let path = Path::new(&[Point3::origin(); 5], 10.0);
+        assert!(path.place(&Point2::new(1.0, 1.0)).offset_m.is_finite());
+    }
+}

@@ -1,0 +1,107 @@
+use serde::{Deserialize, Serialize};
+
+/// How poles are told from everything else.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PoleConfig {
+    /// Edge of the columns, metres: the beams' spacing at 30 m.
+    pub column_m: f64,
+    /// Height of the slices of a column, metres: the beams' vertical spacing
+    /// at 25 m, so that a pole fills every slice.
+    pub slice_m: f64,
+    /// Lowest height looked at, metres above ground: below it is grass.
+    pub lowest_m: f64,
+    /// A pole's points lie within this radius of its axis in one slice, metres.
+    pub core_radius_m: f64,
+    /// Inner radius of the ring that must be free, metres.
+    pub ring_inner_m: f64,
+    /// Outer radius of the ring that must be free, metres: a pole stands free
+    /// of walls and hedges by at least this much.
+    pub ring_outer_m: f64,
+    /// Least length of the free part of a pole, metres: a delineator is 0.8 m
+    /// high, its lowest slices hidden in grass.
+    pub least_free_m: f64,
+    /// Largest tilt from the vertical of the map, radians: 10 degrees, for
+    /// leaning posts and for a first camera that does not stand level.
+    pub largest_tilt_rad: f64,
+    /// Largest root mean square distance of points from the surface, metres.
+    pub largest_spread_m: f64,
+    /// Noise of a hit across a pole, metres: range noise, beam width and
+    /// what is left of the poses' errors.
+    pub noise_m: f64,
+    /// Distance within which a point belongs to the axis, metres.
+    pub inlier_m: f64,
+    /// Usual tilt of a pole, radians: holds the slope of short ones.
+    pub usual_tilt_rad: f64,
+    /// Usual radius of a post, metres: holds the radius of those seen from
+    /// one side only.
+    pub usual_radius_m: f64,
+    /// Farthest scan from which a pole is expected to be hit, metres.
+    pub farthest_m: f64,
+    /// Least share of the expected points: fewer mean that a hedge or a fence
+    /// stands before it, and that no camera sees it.
+    pub least_visibility: f64,
+    /// Longest gap between points along one pole, metres.
+    pub longest_gap_m: f64,
+    /// Highest foot of a pole whose lower end cannot be seen, metres above
+    /// ground: a hedge hides the rest.
+    pub highest_foot_m: f64,
+    /// A foot lower than this reaches the ground, metres.
+    pub foot_m: f64,
+    /// Fewest points.
+    pub fewest_points: usize,
+    /// Fewest scans that must have hit it: one scan's edge of a passing car
+    /// is no pole.
+    pub fewest_scans: usize,
+    /// Least share of a pole's length that is free.
+    pub least_free_share: f64,
+    /// Share of a cylinder of 1 m radius above the upper end that is filled
+    /// by the crown of a tree.
+    pub crown_share: f64,
+    /// Top of a delineator or bollard at most, metres above ground.
+    pub delineator_top_m: f64,
+    /// Top of a lamp post at least, metres above ground.
+    pub lamp_top_m: f64,
+    /// The same where the pole goes on beyond the field of view, metres.
+    pub open_lamp_top_m: f64,
+    /// Radius that tells a trunk from a post, metres.
+    pub trunk_radius_m: f64,
+    /// Whether trunks go into the map, under their own semantic: trees change,
+    /// and networks that find poles in images leave them out, so the localizer
+    /// does not use them unless told to.
+    pub keep_trunks: bool,
+}
+
+impl Default for PoleConfig {
+    fn default() -> Self {
+        Self {
+            column_m: 0.1,
+            slice_m: 0.2,
+            lowest_m: 0.2,
+            core_radius_m: 0.2,
+            ring_inner_m: 0.35,
+            ring_outer_m: 0.7,
+            least_free_m: 0.6,
+            largest_tilt_rad: 0.175,
+            largest_spread_m: 0.1,
+            noise_m: 0.04,
+            inlier_m: 0.2,
+            usual_tilt_rad: 0.03,
+            usual_radius_m: 0.06,
+            farthest_m: 40.0,
+            least_visibility: 0.15,
+            longest_gap_m: 0.8,
+            highest_foot_m: 2.0,
+            foot_m: 0.6,
+            fewest_points: 12,
+            fewest_scans: 2,
+            least_free_share: 0.25,
+            crown_share: 0.015,
+            delineator_top_m: 1.5,
+            lamp_top_m: 4.5,
+            open_lamp_top_m: 2.8,
+            trunk_radius_m: 0.18,
+            keep_trunks: true,
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! The axis of a pole through the points of a stack.
+
+use nalgebra::{Matrix5, Point2, Point3, RowSVector, Vector2, Vector3, Vector5};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use super::{PoleConfig, Stack};
+use crate::cloud::{Cloud, CloudPoint};
+use crate::lidar::{LidarConfig, View};
+
+/// A pole as fitted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FittedPole {
+    /// Lower end of the axis, map frame, metres: on the ground where the pole
+    /// can be followed down to it.
+    pub foot: Point3<f64>,
+    /// Upper end of the axis, map frame, metres.
+    pub top: Point3<f64>,
+    /// Height of the lower end above ground, metres.
+    pub foot_height_m: f64,
+    /// Height of the upper end above ground, metres.
+    pub top_height_m: f64,
+    /// Radius of the pole, metres.
+    pub radius_m: f64,
+    /// Root mean square horizontal distance of the points from the surface.
+    pub spread_m: f64,
+    /// Points on the free part.
+    pub points: usize,
+    /// Scans that hit it.
+    pub scans: usize,
+    /// Points on the free part over those expected were nothing in the way.
+    pub visibility: f64,
+    /// Length of the free part, metres.
+    pub free_m: f64,
+    /// Whether it ends where the scanners' field of view does.
+    pub top_is_open: bool,
+}
+
+impl FittedPole {
+    /// Angle of the axis from the vertical of the map, radians.
+    pub fn tilt_rad(&self) -> f64 {
+        (self.top - self.foot).angle(&-Vector3::y())
+    }
+}
+
+/// An axis over height: `(x, z) = base + slope * height`, and how far the
+/// visible surface lies before it, as seen from the lidar.
+#[derive(Debug, Clone, Copy)]
+struct Axis {
+    base: Vector2<f64>,
+    slope: Vector2<f64>,
+    /// Mean distance of the hits before the axis, metres: `pi / 4` radii.
+    before_m: f64,
+}
+
+/// A point near a stack: place, height along -y, and direction from the lidar.
+#[derive(Clone, Copy)]
+struct Hit {
+    at: Vector2<f64>,
+    height: f64,
+    above_ground: f64,
+    from_lidar: Vector2<f64>,
+    scan: u16,
+}
+
+impl Hit {
+    fn new(p: &CloudPoint, cloud: &Cloud) -> Self {
+        let sensor = cloud.sensor_map[usize::from(p.scan)];
+        let at = Vector2::new(p.position.x, p.position.z);
+        let from_lidar = (at - Vector2::new(sensor.x, sensor.z)).try_normalize(1e-6).unwrap_or_else(Vector2::y);
+        Self { at, height: -p.position.y, above_ground: f64::from(p.height_m), from_lidar, scan: p.scan }
+    }
+}
+
+impl Axis {
+    fn at(&self, height: f64) -> Vector2<f64> {
+        self.base + self.slope * height
+    }
+    fn residual(&self, hit: &Hit) -> Vector2<f64> {
+        hit.at - (self.at(hit.height) - hit.from_lidar * self.before_m)
+    }
+}
+
+/// RANSAC trials: a line through two of the points, of which at least half
+/// are on the pole, is missed by all with a chance of 0.75^64 = 1e-8.
+const TRIALS: usize = 64;
+/// Least difference in height of two points that tell a slope, metres.
+const SLOPE_BASE_M: f64 = 0.3;
+
+fn ransac(hits: &[Hit], config: &PoleConfig) -> Axis {
+    let mut rng = Pcg64Mcg::seed_from_u64(hits.len() as u64);
+    let steepest = config.largest_tilt_rad.tan();
+    let upright = |h: &Hit, slope: Vector2<f64>| Axis { base: h.at - slope * h.height, slope, before_m: 0.0 };
+    let mut best = (f64::NEG_INFINITY, upright(&hits[0], Vector2::zeros()));
+    let mut try_axis = |axis: Axis| {
+        // MSAC: a truncated square tells a tight line from a loose one.
+        let score: f64 =
+            hits.iter().map(|h| 1.0 - (axis.residual(h).norm_squared() / config.inlier_m.powi(2)).min(1.0)).sum();
+        if score > best.0 {
+            best = (score, axis);
+        }
+    };
+    for _ in 0..TRIALS {
+        let a = &hits[rng.random_range(0..hits.len())];
+        let b = &hits[rng.random_range(0..hits.len())];
+        // Short stacks do not tell their tilt: the vertical is a candidate.
+        try_axis(upright(a, Vector2::zeros()));
+        let rise = a.height - b.height;
+        if rise.abs() > SLOPE_BASE_M {
+            let slope = (a.at - b.at) / rise;
+            if slope.norm() <= steepest {
+                try_axis(upright(a, slope));
+            }
+        }
+    }
+    best.1
+}
+
+/// Robust least squares for base, slope and the distance of the surface:
+/// linear in all five, with priors that hold what short stacks leave open.
+fn refine(hits: &[Hit], start: Axis, config: &PoleConfig) -> Axis {
+    let mut axis = start;
+    let middle = hits.iter().map(|h| h.height).sum::<f64>() / hits.len() as f64;
+    // Scans with many hits must not outvote the view from the other side.
+    let scans = hits.iter().map(|h| usize::from(h.scan) + 1).max().unwrap_or(0);
+    let mut per_scan = vec![0.0_f64; scans];
+    hits.iter().for_each(|h| per_scan[usize::from(h.scan)] += 1.0);
+    for _ in 0..8 {
+        let (mut h, mut g) = (Matrix5::zeros(), Vector5::zeros());
+        for hit in hits {
+            let scaled = axis.residual(hit).norm_squared() / config.noise_m.powi(2);
+            let balance = per_scan[usize::from(hit.scan)].sqrt().recip();
+            let weight = balance / (1.0 + scaled / 4.0).powi(2);
+            let t = hit.height - middle;
+            for (k, u) in [(0, hit.from_lidar.x), (1, hit.from_lidar.y)] {
+                let mut row = RowSVector::<f64, 5>::zeros();
+                row[k] = 1.0;
+                row[2 + k] = t;
+                row[4] = -u;
+                h += row.transpose() * row * weight;
+                g += row.transpose() * (hit.at[k] * weight);
+            }
+        }
+        let n = config.noise_m.powi(2);
+        for k in [2, 3] {
+            h[(k, k)] += n / config.usual_tilt_rad.powi(2);
+        }
+        let before = config.usual_radius_m * std::f64::consts::FRAC_PI_4;
+        let prior = n / before.powi(2);
+        h[(4, 4)] += prior;
+        g[4] += prior * before;
+        let Some(solver) = h.cholesky() else { return axis };
+        let s = solver.solve(&g);
+        let slope = Vector2::new(s[2], s[3]);
+        axis = Axis {
+            base: Vector2::new(s[0], s[1]) - slope * middle,
+            slope,
+            before_m: s[4].clamp(0.0, config.trunk_radius_m * 2.0),
+        };
+    }
+    axis
+}
+
+/// Fits a pole to a stack; none where no axis describes its points.
+pub fn fit_pole<'a>(
+    cloud: &Cloud,
+    near: impl Iterator<Item = &'a CloudPoint>,
+    stack: &Stack,
+    config: &PoleConfig,
+    lidar: &LidarConfig,
+) -> Option<FittedPole> {
+    let hits: Vec<Hit> = near.map(|p| Hit::new(p, cloud)).collect();
+    let in_run: Vec<Hit> = hits
+        .iter()
+        .copied()
+        .filter(|h| stack.is_free(h.above_ground, config))
+        .filter(|h| h.above_ground >= stack.low_m && h.above_ground <= stack.high_m)
+        .filter(|h| (h.at - stack.centre.coords).norm() < config.ring_inner_m)
+        .collect();
+    if in_run.len() < config.fewest_points / 2 {
+        return None;
+    }
+    let axis = refine(&in_run, ransac(&in_run, config), config);
+    // Follow the axis up and down as far as points go on without a gap.
+    let mut on: Vec<Hit> = hits.iter().copied().filter(|h| axis.residual(h).norm() < config.inlier_m).collect();
+    on.sort_by(|a, b| a.height.total_cmp(&b.height));
+    let middle = in_run.iter().map(|h| h.height).sum::<f64>() / in_run.len() as f64;
+    let joined = |w: &[Hit]| w[1].height - w[0].height < config.longest_gap_m;
+    let run = on.chunk_by(|a, b| joined(&[*a, *b])).find(|c| c.last().is_some_and(|h| h.height >= middle))?;
+    let free: Vec<Hit> = run.iter().copied().filter(|h| stack.is_free(h.above_ground, config)).collect();
+    if free.len() < config.fewest_points {
+        return None;
+    }
+    let axis = refine(&free, axis, config);
+    let residuals: f64 = free.iter().map(|h| axis.residual(h).norm_squared()).sum();
+    let mut scans: Vec<u16> = free.iter().map(|h| h.scan).collect();
+    scans.sort_unstable();
+    scans.dedup();
+    let mut slices: Vec<i64> = free.iter().map(|h| (h.above_ground / config.slice_m).floor() as i64).collect();
+    slices.sort_unstable();
+    slices.dedup();
+
+    let point = |height: f64| {
+        let at = axis.at(height);
+        Point3::new(at.x, -height, at.y)
+    };
+    let above_ground = |height: f64| {
+        let at = axis.at(height);
+        cloud.ground.height_m(&Point2::new(at.x, at.y)).map(|g| height - g)
+    };
+    let (lowest, highest) = (run.first()?.height, run.last()?.height);
+    let mut foot = lowest;
+    let mut foot_height_m = above_ground(lowest)?;
+    if foot_height_m < config.foot_m {
+        // The foot is on the ground, not where the beams or the grass end.
+        foot -= foot_height_m;
+        foot_height_m = 0.0;
+    }
+    let radius_m = axis.before_m / std::f64::consts::FRAC_PI_4;
+    let mid = axis.at(f64::midpoint(lowest, highest));
+    let from = cloud.sensor_map.iter().map(|s| ((Vector2::new(s.x, s.z) - mid).norm(), -s.y));
+    let view = View::new(from, config.farthest_m, lidar);
+    let ground_m = lowest - above_ground(lowest)?;
+    let width_m = 2.0 * radius_m.max(config.usual_radius_m);
+    let expected: f64 = slices
+        .iter()
+        .map(|s| ground_m + (*s as f64 + 0.5) * config.slice_m)
+        .map(|height| view.expected(height, config.slice_m, width_m))
+        .sum();
+    Some(FittedPole {
+        foot: point(foot),
+        top: point(highest),
+        foot_height_m,
+        top_height_m: above_ground(highest)?,
+        radius_m,
+        spread_m: (residuals / free.len() as f64).sqrt(),
+        points: free.len(),
+        scans: scans.len(),
+        visibility: free.len() as f64 / expected.max(1.0),
+        free_m: slices.len() as f64 * config.slice_m,
+        top_is_open: highest > view.ceiling() - config.longest_gap_m,
+    })
+}

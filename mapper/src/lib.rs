@@ -1,1 +1,27 @@
 //! Builds compact semantic maps from lidar scans.
+//!
+//! `build` reads like the pipeline: [`register`] makes the survey's poses
+//! agree with the scans, [`cloud`] stitches a window of the drive over its
+//! [`ground`], [`poles`], [`signs`] and [`lanes`] find the landmarks in it,
+//! and [`roads`] cuts the drive into the stretches that they belong to.
+
+pub mod build;
+pub mod cloud;
+pub mod config;
+pub mod drive;
+pub mod error;
+pub mod grid;
+pub mod ground;
+pub mod lanes;
+pub mod lidar;
+pub mod path;
+pub mod poles;
+pub mod register;
+pub mod roads;
+pub mod scan;
+pub mod signs;
+pub mod voxel;
+
+pub use build::{Built, PoseSource, build};
+pub use config::Config;
+pub use error::{Error, Result};

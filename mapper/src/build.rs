@@ -1,0 +1,223 @@
+//! From a drive to its map.
+
+use common::geometry::Pose;
+use common::map::{LaneKind, LaneLine, Pole, RoadId, SemanticMap, Sign};
+use nalgebra::Point3;
+
+use crate::cloud::Cloud;
+use crate::config::Config;
+use crate::drive::Drive;
+use crate::error::Result;
+use crate::lanes::{LanePiece, Paint, describe, find_lines, join};
+use crate::poles::{FittedPole, find_poles};
+use crate::register::{Registration, refine};
+use crate::roads::{Stretch, road, stretches};
+use crate::signs::find_signs;
+
+/// Where the poses of a build come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum PoseSource {
+    /// The survey's poses, refined by registering the scans.
+    #[default]
+    Refine,
+    /// The survey's poses as given.
+    Given,
+}
+
+/// A map and how it came about.
+#[derive(Debug, Clone)]
+pub struct Built {
+    /// The map.
+    pub map: SemanticMap,
+    /// The poses that it was built with.
+    pub registration: Registration,
+}
+
+/// What a window of the drive gives, before roads are named.
+struct Found {
+    poles: Vec<(Pole, FittedPole)>,
+    signs: Vec<Sign>,
+    lanes: Vec<LaneLine>,
+}
+
+/// Builds the map of a drive. `on_window` is called with each window's cloud
+/// and the stations (m) between which it owns what it sees, and with the
+/// numbers of windows done and to do.
+///
+/// # Errors
+/// A scan that cannot be read, and what `on_window` returns.
+pub fn build(
+    drive: &Drive,
+    poses: PoseSource,
+    config: &Config,
+    mut on_window: impl FnMut(&Cloud, std::ops::Range<f64>, usize, usize) -> Result<()>,
+) -> Result<Built> {
+    let registration = match poses {
+        PoseSource::Refine => refine(drive, &config.refine)?,
+        PoseSource::Given => Registration::given(&drive.survey),
+    };
+    let poses = &registration.map_from_camera;
+    let (first, last) = drive.span();
+    let cut = stretches(poses, first, last, &config.roads);
+    let mut map = SemanticMap {
+        frame_note: drive.name(),
+        roads: cut.iter().map(|s| road(poses, s, &config.roads)).collect(),
+        ..SemanticMap::default()
+    };
+    let windows: Vec<&[Stretch]> = cut.chunks(config.roads.per_window.max(1)).collect();
+    let mut poles: Vec<(Pole, FittedPole)> = Vec::new();
+    for (k, window) in windows.iter().enumerate() {
+        let ends = (k == 0, k + 1 == windows.len());
+        let (cloud, owned) = stitch_window(drive, &registration, window, ends, config)?;
+        let found = extract(&cloud, &owned, &map, config);
+        poles.extend(found.poles);
+        map.signs.extend(found.signs);
+        map.lanes.extend(found.lanes);
+        on_window(&cloud, owned, k + 1, windows.len())?;
+    }
+    map.poles = without_doubles(poles, config.poles.ring_outer_m);
+    Ok(Built { map, registration })
+}
+
+/// Stitches the cloud of a window and tells which stations it owns: all that
+/// lie before and behind it too where the drive ends there.
+fn stitch_window(
+    drive: &Drive,
+    registration: &Registration,
+    window: &[Stretch],
+    (is_first, is_last): (bool, bool),
+    config: &Config,
+) -> Result<(Cloud, std::ops::Range<f64>)> {
+    let poses = &registration.map_from_camera;
+    let (first, last) = (window[0].first, window[window.len() - 1].last);
+    let margin = config.cloud.beyond_m;
+    let (from, to) = (reach(poses, first, -1, margin), reach(poses, last, 1, margin));
+    let frames: Vec<usize> = drive.frames.iter().copied().filter(|f| (from..=to).contains(f)).collect();
+    let cloud = Cloud::stitch(drive, &frames, registration, config)?;
+    let station = |f: usize| cloud.place(&poses[f].translation.vector.into()).station_m;
+    let start = if is_first { f64::NEG_INFINITY } else { station(first) };
+    let end = if is_last { f64::INFINITY } else { station(last) };
+    Ok((cloud, start..end))
+}
+
+/// The frame reached from `frame` after `distance_m` along the drive.
+fn reach(poses: &[Pose], frame: usize, step: isize, distance_m: f64) -> usize {
+    let (mut at, mut driven) = (frame, 0.0);
+    while driven < distance_m {
+        let next = at as isize + step;
+        if next < 0 || next as usize >= poses.len() {
+            break;
+        }
+        let next = next as usize;
+        driven += (poses[next].translation.vector - poses[at].translation.vector).norm();
+        at = next;
+    }
+    at
+}
+
+/// The landmarks of a cloud whose stations lie in a range.
+fn extract(cloud: &Cloud, owned: &std::ops::Range<f64>, map: &SemanticMap, config: &Config) -> Found {
+    let road_of = |p: &Point3<f64>| map.nearest_road(p).unwrap_or(RoadId(0));
+    let owns = |p: &Point3<f64>| owned.contains(&cloud.place(p).station_m);
+    let (poles, (signs, lanes)) = rayon::join(
+        || find_poles(cloud, &config.poles, &config.lidar),
+        || rayon::join(|| find_signs(cloud, &config.signs), || find_lanes(cloud, config)),
+    );
+    Found {
+        poles: poles
+            .into_iter()
+            .filter(|(_, p)| owns(&p.foot))
+            .map(|(kind, p)| (Pole { kind, foot_map: p.foot, top_map: p.top, road: road_of(&p.foot) }, p))
+            .collect(),
+        signs: signs
+            .into_iter()
+            .filter(|s| owns(&s.centroid))
+            .map(|s| Sign { kind: s.kind, centroid_map: s.centroid, size_m: s.size_m, road: road_of(&s.centroid) })
+            .collect(),
+        lanes: lanes
+            .iter()
+            .flat_map(|piece| by_road(piece, cloud, owned, map))
+            .map(|(road, kind, points_map)| LaneLine { kind, points_map, road })
+            .collect(),
+    }
+}
+
+fn find_lanes(cloud: &Cloud, config: &Config) -> Vec<LanePiece> {
+    let paint = Paint::of(cloud, &config.lanes);
+    let (from, to) = (cloud.path.start_station_m(), cloud.path.end_station_m());
+    let windows = find_lines(&paint, from, to, &config.lanes);
+    join(&windows, &config.lanes).iter().flat_map(|chain| describe(chain, &paint, cloud, &config.lanes)).collect()
+}
+
+/// Cuts a lane line where one road ends and the next begins, and at the
+/// borders of what is owned.
+fn by_road(
+    piece: &LanePiece,
+    cloud: &Cloud,
+    owned: &std::ops::Range<f64>,
+    map: &SemanticMap,
+) -> Vec<(RoadId, LaneKind, Vec<Point3<f64>>)> {
+    let mut cuts: Vec<f64> = map
+        .roads
+        .iter()
+        .filter_map(|r| r.path_map.first())
+        .map(|p| cloud.place(p))
+        // Roads elsewhere fall on the ends of this window's path, off it.
+        .filter(|place| place.offset_m.abs() < 1.0)
+        .map(|place| place.station_m)
+        .filter(|s| *s > 1.0 && owned.contains(s))
+        .collect();
+    cuts.push(owned.start);
+    cuts.push(owned.end);
+    cuts.sort_by(f64::total_cmp);
+    cuts.windows(2)
+        .filter_map(|w| {
+            let points = clip(piece, w[0], w[1]);
+            let middle = points.get(points.len() / 2)?;
+            let first = points.first()?;
+            let centre = if points.len() == 2 { nalgebra::center(first, middle) } else { *middle };
+            let road = map.nearest_road(&centre)?;
+            (points.len() >= 2).then_some((road, piece.kind, points))
+        })
+        .collect()
+}
+
+/// Shortest piece worth its vertices, metres.
+const SHORTEST_PIECE_M: f64 = 2.0;
+
+/// The part of a lane line between two stations.
+fn clip(piece: &LanePiece, from_m: f64, to_m: f64) -> Vec<Point3<f64>> {
+    let stations = &piece.stations_m;
+    let (Some(first), Some(last)) = (stations.first(), stations.last()) else { return Vec::new() };
+    let (from, to) = (from_m.max(*first), to_m.min(*last));
+    if to - from < SHORTEST_PIECE_M {
+        return Vec::new();
+    }
+    let at = |s: f64| {
+        let i = stations.partition_point(|t| *t <= s).clamp(1, stations.len() - 1);
+        let share = (s - stations[i - 1]) / (stations[i] - stations[i - 1]);
+        piece.points_map[i - 1] + (piece.points_map[i] - piece.points_map[i - 1]) * share
+    };
+    let inner =
+        stations.iter().zip(&piece.points_map).filter(|(s, _)| **s > from + 0.1 && **s < to - 0.1).map(|(_, p)| *p);
+    std::iter::once(at(from)).chain(inner).chain(std::iter::once(at(to))).collect()
+}
+
+/// One pole of those that stand at the same place: the one with most points.
+fn without_doubles(mut poles: Vec<(Pole, FittedPole)>, within_m: f64) -> Vec<Pole> {
+    poles.sort_by(|a, b| {
+        let key = |p: &Pole| (p.foot_map.z, p.foot_map.x);
+        b.1.points.cmp(&a.1.points).then(key(&a.0).partial_cmp(&key(&b.0)).unwrap_or(std::cmp::Ordering::Equal))
+    });
+    let mut kept: Vec<Pole> = Vec::new();
+    for (pole, _) in poles {
+        let near = |k: &Pole| {
+            let d = k.foot_map - pole.foot_map;
+            d.x.hypot(d.z) < within_m
+        };
+        if !kept.iter().any(near) {
+            kept.push(pole);
+        }
+    }
+    kept
+}

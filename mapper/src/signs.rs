@@ -1,0 +1,218 @@
+//! Traffic signs: retro-reflective clusters above the ground.
+
+use common::map::SignKind;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use nalgebra::{Point3, Vector3};
+use parry3d::transformation::try_convex_hull;
+use serde::{Deserialize, Serialize};
+
+use crate::cloud::{Cloud, CloudPoint};
+
+/// How signs are told from everything else that is bright.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SignConfig {
+    /// Reflectance of retro-reflective sheeting: the lidar saturates on it.
+    pub least_reflectance: f32,
+    /// Lowest point of a sign, metres above ground: lower ones are number
+    /// plates, lamps and delineators.
+    pub lowest_m: f64,
+    /// Points nearer than this to each other are one sign, metres.
+    pub join_m: f64,
+    /// Fewest bright points.
+    pub fewest_points: usize,
+    /// Fewest scans that saw it bright at the same place: what moves is seen
+    /// once at each place.
+    pub fewest_scans: usize,
+    /// Smallest extent, metres.
+    pub smallest_m: f64,
+    /// Largest extent, metres: larger ones are hoardings and shop fronts.
+    pub largest_m: f64,
+    /// Largest thickness across its plane, metres, one standard deviation.
+    pub thickest_m: f64,
+}
+
+impl Default for SignConfig {
+    fn default() -> Self {
+        Self {
+            least_reflectance: 0.8,
+            lowest_m: 1.2,
+            join_m: 0.35,
+            fewest_points: 6,
+            fewest_scans: 2,
+            smallest_m: 0.2,
+            largest_m: 2.5,
+            thickest_m: 0.15,
+        }
+    }
+}
+
+/// A sign as found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoundSign {
+    /// What it is.
+    pub kind: SignKind,
+    /// Centroid, map frame, metres.
+    pub centroid: Point3<f64>,
+    /// Largest distance of two of its points, metres.
+    pub size_m: f64,
+    /// Bright points.
+    pub points: usize,
+    /// Scans that saw it.
+    pub scans: usize,
+}
+
+/// The signs of a stitched cloud, in the order of their first points.
+pub fn find_signs(cloud: &Cloud, config: &SignConfig) -> Vec<FoundSign> {
+    let bright: Vec<&CloudPoint> = cloud
+        .points
+        .iter()
+        .filter(|p| p.reflectance >= config.least_reflectance && f64::from(p.height_m) >= config.lowest_m)
+        .collect();
+    clusters(&bright, config.join_m).iter().filter_map(|c| sign(c, config)).collect()
+}
+
+/// Groups of points joined by steps of at most `join_m`.
+fn clusters<'a>(points: &[&'a CloudPoint], join_m: f64) -> Vec<Vec<&'a CloudPoint>> {
+    let places: Vec<[f64; 3]> = points.iter().map(|p| p.position.coords.into()).collect();
+    // No points have no tree, and no clusters.
+    let Ok(tree) = ImmutableKdTree::<f64, 3>::new_from_slice(&places) else { return Vec::new() };
+    let mut group = vec![usize::MAX; points.len()];
+    let mut groups: Vec<Vec<&CloudPoint>> = Vec::new();
+    for seed in 0..points.len() {
+        if group[seed] != usize::MAX {
+            continue;
+        }
+        let name = groups.len();
+        let mut members = Vec::new();
+        let mut open = vec![seed];
+        group[seed] = name;
+        while let Some(i) = open.pop() {
+            members.push(points[i]);
+            let near = tree.query(&places[i]).within::<SquaredEuclidean<f64>>(join_m * join_m).unsorted().execute();
+            for near in near {
+                let j = near.item as usize;
+                if group[j] == usize::MAX {
+                    group[j] = name;
+                    open.push(j);
+                }
+            }
+        }
+        groups.push(members);
+    }
+    groups
+}
+
+fn sign(points: &[&CloudPoint], config: &SignConfig) -> Option<FoundSign> {
+    let mut scans: Vec<u16> = points.iter().map(|p| p.scan).collect();
+    scans.sort_unstable();
+    scans.dedup();
+    if points.len() < config.fewest_points || scans.len() < config.fewest_scans {
+        return None;
+    }
+    let places: Vec<Point3<f64>> = points.iter().map(|p| p.position).collect();
+    let moments = crate::voxel::voxel_moments(&places, 1e4).into_iter().reduce(|a, b| a.merged(&b))?;
+    let (sigma, axes) = moments.axes();
+    // A plate is thin; the beam's range error on sheeting spreads it along
+    // the view, so its plane is looked for among the horizontal directions.
+    if sigma[2] > config.thickest_m {
+        return None;
+    }
+    let size_m = largest_distance(&places, &axes[2]);
+    (config.smallest_m..=config.largest_m).contains(&size_m).then(|| FoundSign {
+        kind: SignKind::TrafficSign,
+        centroid: centre(&places, &axes[2]),
+        size_m,
+        points: points.len(),
+        scans: scans.len(),
+    })
+}
+
+/// Centre of the box around the points in the plane of the sign: beams fall
+/// on it unevenly, so the mean of the hits is not its middle.
+fn centre(points: &[Point3<f64>], normal: &Vector3<f64>) -> Point3<f64> {
+    let up = -Vector3::y();
+    let across = normal.cross(&up).try_normalize(1e-6).unwrap_or_else(Vector3::x);
+    let middle = |axis: &Vector3<f64>| {
+        let mut t: Vec<f64> = points.iter().map(|p| p.coords.dot(axis)).collect();
+        t.sort_by(f64::total_cmp);
+        // The outermost few per cent may be mixed echoes.
+        let cut = t.len() / 50;
+        f64::midpoint(t[cut], t[t.len() - 1 - cut])
+    };
+    let deep = across.cross(&up);
+    let mut depth: Vec<f64> = points.iter().map(|p| p.coords.dot(&deep)).collect();
+    depth.sort_by(f64::total_cmp);
+    Point3::from(across * middle(&across) + up * middle(&up) + deep * depth[depth.len() / 2])
+}
+
+/// Largest distance of two points, across the view errors along `normal`:
+/// both lie on the convex hull.
+fn largest_distance(points: &[Point3<f64>], normal: &Vector3<f64>) -> f64 {
+    let flat: Vec<Point3<f64>> = points.iter().map(|p| p - normal * p.coords.dot(normal)).collect();
+    let vectors: Vec<_> = points.iter().map(|p| <[f64; 3]>::from(p.coords).into()).collect();
+    // Points in one plane have no hull in space: then all of them are compared.
+    let hull: Vec<Point3<f64>> = match try_convex_hull(&vectors) {
+        Ok((corners, _)) => corners
+            .into_iter()
+            .map(|c| Point3::from(Vector3::new(c.x, c.y, c.z)))
+            .map(|p| p - normal * p.coords.dot(normal))
+            .collect(),
+        Err(_) => flat,
+    };
+    let mut largest = 0.0_f64;
+    for (i, a) in hull.iter().enumerate() {
+        for b in &hull[i + 1..] {
+            largest = largest.max((a - b).norm());
+        }
+    }
+    largest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plate(scans: u16) -> Vec<CloudPoint> {
+        let mut points = Vec::new();
+        for scan in 0..scans {
+            for i in 0..7 {
+                for k in 0..7 {
+                    points.push(CloudPoint {
+                        position: Point3::new(
+                            5.0 + f64::from(i) * 0.1,
+                            -1.0 + f64::from(k) * 0.1,
+                            30.0 + 0.01 * f64::from((i * k + i32::from(scan)) % 3),
+                        ),
+                        height_m: 2.0,
+                        reflectance: 0.95,
+                        range_m: 20.0,
+                        contrast: None,
+                        scan,
+                    });
+                }
+            }
+        }
+        points
+    }
+
+    fn found(points: &[CloudPoint]) -> Vec<FoundSign> {
+        let config = SignConfig::default();
+        let refs: Vec<&CloudPoint> = points.iter().collect();
+        clusters(&refs, config.join_m).iter().filter_map(|c| sign(c, &config)).collect()
+    }
+
+    #[test]
+    fn a_plate_has_its_centre_and_its_diagonal() {
+        let signs = found(&plate(3));
+        assert_eq!(signs.len(), 1);
+        assert!((signs[0].centroid - Point3::new(5.3, -0.7, 30.01)).norm() < 0.02);
+        assert!((signs[0].size_m - 0.6 * 2.0_f64.sqrt()).abs() < 0.02);
+    }
+
+    #[test]
+    fn what_one_scan_saw_is_no_sign() {
+        assert!(found(&plate(1)).is_empty());
+        assert!(found(&[]).is_empty());
+    }
+}

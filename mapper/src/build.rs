@@ -33,16 +33,33 @@ pub struct Built {
     pub registration: Registration,
 }
 
-/// What a window of the drive gives, before roads are named.
+/// A window of the drive while the map is built.
+pub struct Window<'a> {
+    /// Its stitched cloud.
+    pub cloud: &'a Cloud,
+    /// Stations (m) between which it owns what it sees: neighbours overlap.
+    pub owned: std::ops::Range<f64>,
+    /// Poles found between them.
+    pub poles: Vec<Pole>,
+    /// Signs found between them.
+    pub signs: &'a [Sign],
+    /// Lane lines found between them.
+    pub lanes: &'a [LaneLine],
+    /// Number of windows done, this one included.
+    pub done: usize,
+    /// Number of windows of the drive.
+    pub count: usize,
+}
+
+/// What a window of the drive gives.
 struct Found {
     poles: Vec<(Pole, FittedPole)>,
     signs: Vec<Sign>,
     lanes: Vec<LaneLine>,
 }
 
-/// Builds the map of a drive. `on_window` is called with each window's cloud
-/// and the stations (m) between which it owns what it sees, and with the
-/// numbers of windows done and to do.
+/// Builds the map of a drive. `on_window` is called with each window once
+/// its landmarks are found.
 ///
 /// # Errors
 /// A scan that cannot be read, and what `on_window` returns.
@@ -50,7 +67,7 @@ pub fn build(
     drive: &Drive,
     poses: PoseSource,
     config: &Config,
-    mut on_window: impl FnMut(&Cloud, std::ops::Range<f64>, usize, usize) -> Result<()>,
+    mut on_window: impl FnMut(&Window) -> Result<()>,
 ) -> Result<Built> {
     let registration = match poses {
         PoseSource::Refine => refine(drive, &config.refine)?,
@@ -70,10 +87,18 @@ pub fn build(
         let ends = (k == 0, k + 1 == windows.len());
         let (cloud, owned) = stitch_window(drive, &registration, window, ends, config)?;
         let found = extract(&cloud, &owned, &map, config);
+        on_window(&Window {
+            cloud: &cloud,
+            owned,
+            poles: found.poles.iter().map(|(pole, _)| *pole).collect(),
+            signs: &found.signs,
+            lanes: &found.lanes,
+            done: k + 1,
+            count: windows.len(),
+        })?;
         poles.extend(found.poles);
         map.signs.extend(found.signs);
         map.lanes.extend(found.lanes);
-        on_window(&cloud, owned, k + 1, windows.len())?;
     }
     map.poles = without_doubles(poles, config.poles.ring_outer_m);
     Ok(Built { map, registration })

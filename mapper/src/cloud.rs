@@ -29,6 +29,19 @@ pub struct CloudPoint {
     pub scan: u16,
 }
 
+/// A scan of the stitched cloud, as it was read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StitchedScan {
+    /// Its frame.
+    pub frame: usize,
+    /// Points that could be used.
+    pub points: usize,
+    /// Points dropped because a value of theirs is not finite.
+    pub dropped_not_finite: usize,
+    /// Points dropped because they are no returns or too far away.
+    pub dropped_out_of_range: usize,
+}
+
 /// The stitched cloud of one stretch of road, with its ground.
 pub struct Cloud {
     /// Points in the order of the scans.
@@ -39,6 +52,8 @@ pub struct Cloud {
     pub path: Path,
     /// Position of the lidar in each stitched scan, map frame, metres.
     pub sensor_map: Vec<Point3<f64>>,
+    /// The stitched scans.
+    pub scans: Vec<StitchedScan>,
     /// Indices of the points that stand on the ground, by cell of its grid.
     by_cell: Vec<u32>,
     /// Where each cell begins in `by_cell`.
@@ -97,6 +112,7 @@ impl Cloud {
         let range = config.min_range_m..config.max_range_m;
         let mut points = Vec::new();
         let mut sensor_map = Vec::new();
+        let mut scans = Vec::new();
         drive.for_each(
             frames,
             registration.report.vertical_angle_rad,
@@ -124,10 +140,17 @@ impl Cloud {
                         })
                     })
                     .collect();
-                (Point3::from(map_from_velodyne.translation.vector), stitched)
+                let read = StitchedScan {
+                    frame,
+                    points: scan.points.len(),
+                    dropped_not_finite: scan.dropped_not_finite,
+                    dropped_out_of_range: scan.dropped_out_of_range,
+                };
+                (Point3::from(map_from_velodyne.translation.vector), read, stitched)
             },
-            |_, (sensor, mut stitched)| {
+            |_, (sensor, read, mut stitched)| {
                 let scan = sensor_map.len() as u16;
+                scans.push(read);
                 sensor_map.push(sensor);
                 stitched.iter_mut().for_each(|p| p.scan = scan);
                 points.append(&mut stitched);
@@ -139,7 +162,7 @@ impl Cloud {
             p.height_m = ground.height_m(&at).map_or(f32::NAN, |g| (-p.position.y - g) as f32);
         }
         let (starts, by_cell) = index_standing(&points, &ground, ground_config.thickness_m as f32);
-        Ok(Self { points, ground, path, sensor_map, by_cell, starts })
+        Ok(Self { points, ground, path, sensor_map, scans, by_cell, starts })
     }
 
     /// Points whose column is within `radius_m` (at most one cell of the

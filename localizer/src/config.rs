@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::associate::detection::DetectionConfig;
+use crate::associate::paper::PaperConfig;
 use crate::associate::robust::RobustConfig;
 use crate::filter::MotionConfig;
 use crate::gps::GpsConfig;
@@ -10,12 +11,15 @@ use crate::measurement::NoiseConfig;
 use crate::preselect::PreselectConfig;
 use crate::solver::SolverConfig;
 use crate::start::StartConfig;
+use crate::vision::VisionConfig;
 use crate::tracker::{BankConfig, HealthConfig, RivalConfig};
 
 /// Settings by stage; the defaults need no file.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
+    /// Images to features (IV.B).
+    pub vision: VisionConfig,
     /// Landmarks that may be seen (IV.A).
     pub preselect: PreselectConfig,
     /// Standard deviations of map and calibration.
@@ -26,6 +30,8 @@ pub struct Config {
     pub solver: SolverConfig,
     /// The default association.
     pub robust: RobustConfig,
+    /// The paper's association.
+    pub paper: PaperConfig,
     /// The search around a rough position.
     pub start: StartConfig,
     /// The vehicle's motion.

@@ -1,11 +1,16 @@
 //! Rough positions from outside: a fix file, or noise on a known pose.
 
+use std::collections::BTreeMap;
+use std::path::Path;
+
 use common::geometry::{Pose, PoseParameters};
-use nalgebra::Point3;
+use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
+
+use crate::{Error, Result};
 
 /// Standard deviations of GPS fixes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -76,4 +81,116 @@ pub fn simulate(truth: &[Pose], config: &GpsConfig, seed: u64) -> Vec<GpsFix> {
             fix
         })
         .collect()
+}
+
+/// Reads fixes of given frames: rows `t x y z`, `t x y z qx qy qz qw` (TUM;
+/// the frame is the one of `times_s` that is nearest), `frame` and a 3x4 pose,
+/// or a 3x4 pose for each frame from 0 on (twelve `nan` for none). Only the
+/// horizontal position is used, and the heading where the row has one.
+///
+/// # Errors
+/// [`Error::GpsRow`] and [`Error::GpsTime`] at their line, and
+/// [`common::Error::Io`] or [`common::Error::BadNumber`].
+pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<BTreeMap<usize, GpsFix>> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| common::Error::Io { path: path.to_path_buf(), source })?;
+    let mut fixes = BTreeMap::new();
+    let rows = text.lines().enumerate().map(|(i, row)| (i + 1, row.trim()));
+    for (index, (line, row)) in rows.filter(|(_, row)| !row.is_empty() && !row.starts_with('#')).enumerate() {
+        let values = numbers(path, line, row)?;
+        let position = |i: [usize; 3]| Point3::new(values[i[0]], values[i[1]], values[i[2]]);
+        let yaw = |forward_x: f64, forward_z: f64| Some((forward_x.atan2(forward_z), config.heading_sigma_deg.to_radians()));
+        let (frame, position_map, heading) = match values.len() {
+            4 => (frame_at(path, line, values[0], times_s)?, position([1, 2, 3]), None),
+            8 => {
+                let quaternion = Quaternion::new(values[7], values[4], values[5], values[6]);
+                let forward = UnitQuaternion::from_quaternion(quaternion) * Vector3::z();
+                (frame_at(path, line, values[0], times_s)?, position([1, 2, 3]), yaw(forward.x, forward.z))
+            }
+            12 if values.iter().all(|v| v.is_nan()) => continue,
+            12 => (index, position([3, 7, 11]), yaw(values[2], values[10])),
+            13 => (values[0] as usize, position([4, 8, 12]), yaw(values[3], values[11])),
+            found => return Err(Error::GpsRow { path: path.to_path_buf(), line, found }),
+        };
+        if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
+            return Err(bad_number(path, line, &bad.to_string()));
+        }
+        fixes.insert(frame, GpsFix { position_map, horizontal_sigma_m: config.horizontal_sigma_m, heading });
+    }
+    Ok(fixes)
+}
+
+fn bad_number(path: &Path, line: usize, text: &str) -> Error {
+    let text = text.chars().take(40).collect();
+    common::Error::BadNumber { path: path.to_path_buf(), line, text }.into()
+}
+
+fn numbers(path: &Path, line: usize, row: &str) -> Result<Vec<f64>> {
+    row.split([' ', '\t', ',']).filter(|word| !word.is_empty())
+        .map(|word| word.parse().map_err(|_| bad_number(path, line, word)))
+        .collect()
+}
+
+/// The frame whose time is nearest, at most half a frame away.
+fn frame_at(path: &Path, line: usize, time_s: f64, times_s: &[f64]) -> Result<usize> {
+    let off = |frame: &usize| (times_s[*frame] - time_s).abs();
+    let nearest = (0..times_s.len()).min_by(|a, b| off(a).total_cmp(&off(b)));
+    let span_s = times_s.last().zip(times_s.first()).map_or(0.0, |(last, first)| last - first);
+    let half_s = 0.5 * span_s / times_s.len().saturating_sub(1).max(1) as f64;
+    match nearest {
+        Some(frame) if off(&frame) <= half_s + 1e-9 => Ok(frame),
+        _ => Err(Error::GpsTime {
+            path: path.to_path_buf(),
+            line,
+            time_s,
+            off_s: nearest.map_or(f64::INFINITY, |frame| off(&frame)),
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_text(text: &str) -> Result<BTreeMap<usize, GpsFix>> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("gps.txt");
+        std::fs::write(&path, text).unwrap();
+        read(&path, &[0.0, 0.1, 0.2, 0.3], &GpsConfig::default())
+    }
+
+    #[test]
+    fn every_form_of_row_is_read() {
+        let fixes = read_text("# t x y z\n0.11 1 2 3\n0.3 1 2 3 0 0.7071068 0 0.7071068\n").unwrap();
+        assert_eq!(fixes.keys().copied().collect::<Vec<_>>(), [1, 3]);
+        assert!(fixes[&1].heading.is_none());
+        assert!((fixes[&3].heading.unwrap().0 - std::f64::consts::FRAC_PI_2).abs() < 1e-6);
+        let fixes = read_text("2 1 0 0 5 0 1 0 6 0 0 1 7\n").unwrap();
+        assert!((fixes[&2].position_map - Point3::new(5.0, 6.0, 7.0)).norm() < 1e-12);
+        let none = "nan ".repeat(12);
+        let fixes = read_text(&format!("{none}\n1 0 0 5 0 1 0 6 0 0 1 7\n")).unwrap();
+        assert_eq!(fixes.keys().copied().collect::<Vec<_>>(), [1]);
+    }
+
+    #[test]
+    fn a_bad_row_is_named_with_its_line() {
+        assert!(matches!(read_text("0.0 1 2 3\n0.1 1 2\n"), Err(Error::GpsRow { line: 2, found: 3, .. })));
+        assert!(matches!(read_text("9.0 1 2 3\n"), Err(Error::GpsTime { line: 1, .. })));
+        assert!(read_text("0.0 1 x 3\n").unwrap_err().to_string().contains('x'));
+    }
+
+    #[test]
+    fn simulated_fixes_repeat_with_their_seed_and_spread_as_stated() {
+        let config = GpsConfig { horizontal_sigma_m: 1.5, heading_sigma_deg: 2.0, simulated_fixes: 2 };
+        let truth = vec![Pose::identity(); 4000];
+        let fixes = simulate(&truth, &config, 3);
+        assert_eq!(fixes, simulate(&truth, &config, 3));
+        assert_ne!(fixes, simulate(&truth, &config, 4));
+        let spread = |value: fn(&GpsFix) -> f64| {
+            (fixes.iter().map(|f| value(f).powi(2)).sum::<f64>() / fixes.len() as f64).sqrt()
+        };
+        assert!((spread(|f| f.position_map.x) - 1.5).abs() < 0.1);
+        assert!((spread(|f| f.position_map.z) - 1.5).abs() < 0.1);
+        assert!((spread(|f| f.heading.unwrap().0) - 2.0_f64.to_radians()).abs() < 0.003);
+    }
 }

@@ -8,21 +8,30 @@
 
 pub mod associate;
 pub mod config;
+pub mod cli;
+pub mod drive;
+pub mod error;
 pub mod estimate;
+pub mod eval;
 pub mod features;
 pub mod filter;
 pub mod gps;
 pub mod measurement;
+pub mod output;
 pub mod overlay;
+pub mod paper_tracker;
 pub mod prepare;
 pub mod preselect;
 pub mod projection;
 pub mod residual;
 pub mod road_index;
 pub mod solver;
+pub mod run;
 pub mod start;
 pub mod tracker;
 pub mod vision;
+
+pub use error::{Error, Result};
 
 #[cfg(test)]
 pub(crate) mod testing;

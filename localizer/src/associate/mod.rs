@@ -2,4 +2,5 @@
 
 pub mod detection;
 pub mod matching;
+pub mod paper;
 pub mod robust;

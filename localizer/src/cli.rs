@@ -1,0 +1,96 @@
+//! The command line: `run`, `trial`, `segment`, `eval`.
+
+mod eval;
+mod input;
+mod run;
+mod segment;
+mod trial;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+
+use crate::{Error, Result, config::Config};
+
+/// Localizes a camera against a compact semantic map.
+#[derive(Debug, Parser)]
+#[command(name = "localizer", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Localize the frames of a drive.
+    Run(run::RunArgs),
+    /// Localize a drive from many simulated GPS starts, with both methods.
+    Trial(trial::TrialArgs),
+    /// Write the networks' probabilities as images, for `--labels`.
+    Segment(segment::SegmentArgs),
+    /// Score estimates against true poses, without alignment.
+    Eval(eval::EvalArgs),
+}
+
+/// Where the settings come from.
+#[derive(Debug, Args)]
+struct ConfigArgs {
+    /// TOML file with what differs from the defaults.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Print all settings as TOML and stop.
+    #[arg(long)]
+    print_config: bool,
+}
+
+impl ConfigArgs {
+    /// The settings; none where they were to be printed, and are.
+    fn load(&self) -> Result<Option<Config>> {
+        let config = match &self.config {
+            Some(path) => common::config::load(path)?,
+            None => Config::default(),
+        };
+        if self.print_config {
+            print!("{}", common::config::to_toml(&config)?);
+            return Ok(None);
+        }
+        Ok(Some(config))
+    }
+}
+
+/// Runs the program with these arguments (the first is its name): 0 where all
+/// went well, 1 where a check failed, 2 on wrong usage or input.
+pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
+    let cli = match Cli::try_parse_from(args) {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version are no errors.
+            let code = if error.use_stderr() { 2 } else { 0 };
+            let _ = error.print();
+            return ExitCode::from(code);
+        }
+    };
+    let outcome = match &cli.command {
+        Command::Run(args) => run::execute(args),
+        Command::Trial(args) => trial::execute(args),
+        Command::Segment(args) => segment::execute(args),
+        Command::Eval(args) => eval::execute(args),
+    };
+    match outcome {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("localizer: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// The value of an option that `--print-config` alone may leave out.
+fn required<T>(value: Option<&T>, option: &'static str) -> Result<T>
+where
+    T: Clone,
+{
+    value.cloned().ok_or(Error::MissingOption { option })
+}

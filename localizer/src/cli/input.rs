@@ -1,0 +1,140 @@
+//! What `run` and `trial` take in: map, drive, features, GPS.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use common::geometry::Pose;
+use common::map::SemanticMap;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::config::Config;
+use crate::drive::{Drive, Seen, Source, image_size};
+use crate::gps::{GpsFix, simulate};
+use crate::projection::ImageSize;
+use crate::run::FrameFeatures;
+use crate::{Error, Result};
+
+/// The drive and where its features come from.
+#[derive(Debug, Args)]
+pub struct InputArgs {
+    /// Map file (.csm).
+    #[arg(long, value_name = "FILE")]
+    pub map: Option<PathBuf>,
+    /// Folder with `sequences/` in KITTI odometry layout.
+    #[arg(long, value_name = "ROOT")]
+    pub kitti: Option<PathBuf>,
+    /// Name of the sequence.
+    #[arg(long, value_name = "NN", default_value = "04")]
+    pub sequence: String,
+    /// Network for poles, signs and lights (.onnx).
+    #[arg(long, value_name = "FILE", conflicts_with = "labels")]
+    pub pole_net: Option<PathBuf>,
+    /// Network for lane lines (.onnx).
+    #[arg(long, value_name = "FILE", conflicts_with = "labels")]
+    pub lane_net: Option<PathBuf>,
+    /// Folder with probability images made before, instead of networks.
+    #[arg(long, value_name = "DIR")]
+    pub labels: Option<PathBuf>,
+    /// True poses (KITTI rows) for the simulated GPS; default: poses/NN.txt.
+    #[arg(long, value_name = "FILE")]
+    pub truth: Option<PathBuf>,
+    /// First frame.
+    #[arg(long, value_name = "F", default_value_t = 0)]
+    pub first: usize,
+    /// Last frame; default: the last that has an image (or labels).
+    #[arg(long, value_name = "L")]
+    pub last: Option<usize>,
+}
+
+/// A drive whose images have been looked at.
+pub struct Input {
+    /// The map.
+    pub map: SemanticMap,
+    /// The drive.
+    pub drive: Drive,
+    /// Size of its images.
+    pub image: ImageSize,
+    /// What its frames show.
+    pub frames: Vec<FrameFeatures>,
+}
+
+impl InputArgs {
+    /// The drive.
+    pub fn open_drive(&self) -> Result<Drive> {
+        let root = super::required(self.kitti.as_ref(), "--kitti")?;
+        Drive::open(&root, &self.sequence, self.labels.as_deref(), self.first, self.last)
+    }
+
+    /// Where the features come from.
+    pub fn open_source(&self) -> Result<Source> {
+        let networks: Vec<&Path> = [&self.pole_net, &self.lane_net].into_iter().flatten().map(PathBuf::as_path).collect();
+        Source::open(&networks, self.labels.as_deref())
+    }
+
+    /// Reads the map and looks at all images; `seen` is called for each frame.
+    pub fn read(&self, config: &Config, mut seen: impl FnMut(&Drive, usize, &Seen) -> Result<()>) -> Result<Input> {
+        let map = common::map::read(super::required(self.map.as_ref(), "--map")?)?;
+        let source = self.open_source()?;
+        let drive = self.open_drive()?;
+        let bar = progress(drive.frames.len(), "features");
+        let mut frames = Vec::with_capacity(drive.frames.len());
+        let mut size = None;
+        for &frame in &drive.frames {
+            let found = drive.see(frame, &source, size, &config.vision)?;
+            size = Some((found.maps.width(), found.maps.height()));
+            seen(&drive, frame, &found)?;
+            frames.push(FrameFeatures {
+                frame,
+                time_s: drive.times_s[frame],
+                features: found.features,
+                maps_ms: found.maps_ms,
+                features_ms: found.features_ms,
+            });
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        let (width, height) = size.unwrap_or((0, 0));
+        let image = image_size(width, height);
+        Ok(Input { map, drive, image, frames })
+    }
+
+    /// The true poses of all frames of the drive.
+    pub fn true_poses(&self, drive: &Drive) -> Result<Vec<Pose>> {
+        Ok(match &self.truth {
+            Some(path) => drive.sequence.poses_from(path)?,
+            None => drive.sequence.poses()?,
+        })
+    }
+}
+
+/// Simulated fixes on the first of `frames`.
+pub fn simulated(frames: &[FrameFeatures], truth: &[Pose], config: &Config, seed: u64) -> Result<BTreeMap<usize, GpsFix>> {
+    let starts: Vec<(usize, Pose)> = frames
+        .iter()
+        .take(config.gps.simulated_fixes)
+        .filter_map(|seen| Some((seen.frame, *truth.get(seen.frame)?)))
+        .collect();
+    let poses: Vec<Pose> = starts.iter().map(|(_, pose)| *pose).collect();
+    let fixes = simulate(&poses, &config.gps, seed);
+    started(frames, starts.iter().map(|(frame, _)| *frame).zip(fixes).collect())
+}
+
+/// The fixes, if one of them lies on the frames.
+pub fn started(frames: &[FrameFeatures], fixes: BTreeMap<usize, GpsFix>) -> Result<BTreeMap<usize, GpsFix>> {
+    let ends = frames.first().zip(frames.last()).map_or((0, 0), |(first, last)| (first.frame, last.frame));
+    if frames.iter().any(|seen| fixes.contains_key(&seen.frame)) {
+        return Ok(fixes);
+    }
+    Err(Error::NoStart { first: ends.0, last: ends.1 })
+}
+
+/// A bar on a terminal, nothing elsewhere.
+pub fn progress(count: usize, what: &'static str) -> ProgressBar {
+    let style = ProgressStyle::with_template("{msg:>10} {bar:40} {pos}/{len} {eta}");
+    let bar = ProgressBar::new(count as u64).with_message(what);
+    match style {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}

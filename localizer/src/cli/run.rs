@@ -1,0 +1,118 @@
+//! `localizer run`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use nalgebra::Point2;
+
+use super::input::{Input, InputArgs, simulated, started};
+use super::ConfigArgs;
+use crate::drive::Drive;
+use crate::estimate::Status;
+use crate::overlay::{self, ProjectedShape};
+use crate::preselect::{Candidates, Lookup, Reach};
+use crate::projection::View;
+use crate::road_index::RoadIndex;
+use crate::run::{FrameResult, Localizer, Method, localize};
+use crate::{Result, config::Config, gps, output};
+
+/// Arguments of `localizer run`.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    #[command(flatten)]
+    input: InputArgs,
+    /// Rough positions of given frames; see the README for the forms.
+    #[arg(long, value_name = "FILE", conflicts_with = "gps_seed")]
+    gps: Option<PathBuf>,
+    /// Without `--gps`: seed of the noise on the true pose of the first two
+    /// frames.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    gps_seed: u64,
+    /// How frames are localized.
+    #[arg(long, value_enum, default_value = "robust")]
+    method: Method,
+    /// Save the networks' probabilities as images.
+    #[arg(long, value_name = "DIR")]
+    save_labels: Option<PathBuf>,
+    /// Save images with features and projected landmarks.
+    #[arg(long, value_name = "DIR")]
+    overlay: Option<PathBuf>,
+    /// Output folder; is created.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    config: ConfigArgs,
+}
+
+pub fn execute(args: &RunArgs) -> Result<bool> {
+    let Some(config) = args.config.load()? else { return Ok(true) };
+    let out = super::required(args.out.as_ref(), "--out")?;
+    let input = args.input.read(&config, |_, frame, seen| {
+        if let Some(folder) = &args.save_labels {
+            crate::vision::labels::write(folder, frame, &seen.maps)?;
+        }
+        Ok(())
+    })?;
+    let fixes = match &args.gps {
+        Some(path) => started(&input.frames, gps::read(path, &input.drive.times_s, &config.gps)?)?,
+        None => simulated(&input.frames, &args.input.true_poses(&input.drive)?, &config, args.gps_seed)?,
+    };
+    let index = RoadIndex::new(&input.map);
+    let localizer = Localizer::new(args.method, &input.map, &index, &input.drive.camera, input.image, &config);
+    let results = localize(&input.frames, &fixes, localizer);
+    create(&out)?;
+    output::write(&out, &results)?;
+    if let Some(folder) = &args.overlay {
+        create(folder)?;
+        for result in &results {
+            let features = input.frames.iter().find(|seen| seen.frame == result.frame);
+            let Some(seen) = features else { continue };
+            let image = input.drive.image(result.frame)?;
+            let shapes = shapes(&input, &index, &config, &input.drive, result);
+            let drawn = overlay::draw(&image, &seen.features, &shapes);
+            crate::vision::write_png(folder.join(format!("{:06}.png", result.frame)), &drawn)?;
+        }
+    }
+    let count = |status| results.iter().filter(|r| r.estimate.status == status).count();
+    println!(
+        "{} frames localized: {} ok, {} degraded, {} lost; written to {}",
+        results.len(),
+        count(Status::Ok),
+        count(Status::Degraded),
+        count(Status::Lost),
+        out.display()
+    );
+    Ok(true)
+}
+
+fn create(folder: &PathBuf) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|source| common::Error::Io { path: folder.clone(), source })?;
+    Ok(())
+}
+
+/// The landmarks that may be seen from an estimate, in its image.
+fn shapes(input: &Input, index: &RoadIndex, config: &Config, drive: &Drive, result: &FrameResult) -> Vec<ProjectedShape> {
+    let pose = &result.estimate.map_from_camera;
+    let view = View::new(&drive.camera, pose);
+    let lookup = Lookup { map: &input.map, index, camera: &drive.camera, image: input.image, config: &config.preselect };
+    let mut candidates = Candidates::default();
+    lookup.select(pose, &Reach { position_m: 0.0, angle_rad: 0.0 }, &mut candidates);
+    let mut shapes = Vec::new();
+    for pole in &candidates.poles {
+        if let Some(image) = crate::measurement::PoleImage::new(&view, pole) {
+            shapes.push(ProjectedShape::Pole { upper_px: image.top_px, lower_px: image.foot_px });
+        }
+    }
+    for sign in &candidates.signs {
+        if let Some((centre_px, depth_m)) = view.project(&sign.centroid_map) {
+            let radius_px = 0.5 * sign.size_m * drive.camera.fx_px / depth_m;
+            shapes.push(ProjectedShape::Sign { centre_px, radius_px });
+        }
+    }
+    for lane in &candidates.lanes {
+        let points = candidates.lane_points_map.get(lane.start..lane.end).unwrap_or(&[]);
+        let points_px: Vec<Point2<f64>> = points.iter().filter_map(|p| view.project(p)).map(|(pixel, _)| pixel).collect();
+        shapes.push(ProjectedShape::Lane { points_px });
+    }
+    shapes
+}

@@ -1,0 +1,53 @@
+//! `localizer segment`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::input::progress;
+use crate::Result;
+use crate::drive::{Drive, Source};
+use crate::vision::{VisionConfig, labels};
+
+/// Arguments of `localizer segment`.
+#[derive(Debug, Args)]
+pub struct SegmentArgs {
+    /// Folder with `sequences/` in KITTI odometry layout.
+    #[arg(long, value_name = "ROOT")]
+    kitti: PathBuf,
+    /// Name of the sequence.
+    #[arg(long, value_name = "NN", default_value = "04")]
+    sequence: String,
+    /// Network for poles, signs and lights (.onnx).
+    #[arg(long, value_name = "FILE")]
+    pole_net: Option<PathBuf>,
+    /// Network for lane lines (.onnx).
+    #[arg(long, value_name = "FILE")]
+    lane_net: Option<PathBuf>,
+    /// First frame.
+    #[arg(long, value_name = "F", default_value_t = 0)]
+    first: usize,
+    /// Last frame; default: the last that has an image.
+    #[arg(long, value_name = "L")]
+    last: Option<usize>,
+    /// Output folder; is created.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+pub fn execute(args: &SegmentArgs) -> Result<bool> {
+    let networks: Vec<&Path> = [&args.pole_net, &args.lane_net].into_iter().flatten().map(PathBuf::as_path).collect();
+    let source = Source::open(&networks, None)?;
+    let drive = Drive::open(&args.kitti, &args.sequence, None, args.first, args.last)?;
+    let bar = progress(drive.frames.len(), "segment");
+    let mut size = None;
+    for &frame in &drive.frames {
+        let seen = drive.see(frame, &source, size, &VisionConfig::default())?;
+        size = Some((seen.maps.width(), seen.maps.height()));
+        labels::write(&args.out, frame, &seen.maps)?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    println!("{} frames written to {}", drive.frames.len(), args.out.display());
+    Ok(true)
+}

@@ -1,0 +1,126 @@
+//! `localizer trial`.
+
+use clap::Args;
+use common::geometry::Pose;
+
+use super::ConfigArgs;
+use super::input::{Input, InputArgs, simulated};
+use crate::eval::{Report, StageTime, score};
+use crate::output::{Recorded, Timing};
+use crate::road_index::RoadIndex;
+use crate::run::{Localizer, Method, localize};
+use crate::{Error, Result, config::Config};
+
+/// Frames that are started by GPS and not scored.
+const START_FRAMES: usize = 2;
+/// A run is lost where its last frame is off by more than this, metres: half a
+/// lane.
+const LOST_M: f64 = 1.75;
+
+/// Arguments of `localizer trial`.
+#[derive(Debug, Args)]
+pub struct TrialArgs {
+    #[command(flatten)]
+    input: InputArgs,
+    /// GPS starts, with the seeds 0, 1, ...
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    draws: u64,
+    /// Only this method; default: both.
+    #[arg(long, value_enum)]
+    method: Option<Method>,
+    /// Print a row for each draw, too.
+    #[arg(long)]
+    each: bool,
+    #[command(flatten)]
+    config: ConfigArgs,
+}
+
+/// One run from one start.
+struct Draw {
+    report: Report,
+    localize_ms: Vec<f64>,
+    lost: bool,
+}
+
+pub fn execute(args: &TrialArgs) -> Result<bool> {
+    let Some(config) = args.config.load()? else { return Ok(true) };
+    let input = args.input.read(&config, |_, _, _| Ok(()))?;
+    let truth = args.input.true_poses(&input.drive)?;
+    let methods = args.method.map_or_else(|| vec![Method::Robust, Method::Paper], |method| vec![method]);
+    println!(
+        "{} frames, {} GPS starts ({} m, {} degrees)",
+        input.frames.len(),
+        args.draws,
+        config.gps.horizontal_sigma_m,
+        config.gps.heading_sigma_deg
+    );
+    println!("{HEADER}");
+    for method in methods {
+        let mut draws = Vec::new();
+        for seed in 0..args.draws {
+            let draw = localize_once(&input, &truth, method, &config, seed)?;
+            if args.each {
+                println!("{}", row(&format!("{} {seed}", name(method)), std::slice::from_ref(&draw)));
+            }
+            draws.push(draw);
+        }
+        println!("{}", row(name(method), &draws));
+    }
+    Ok(true)
+}
+
+fn name(method: Method) -> &'static str {
+    match method {
+        Method::Robust => "robust",
+        Method::Paper => "paper",
+    }
+}
+
+fn localize_once(input: &Input, truth: &[Pose], method: Method, config: &Config, seed: u64) -> Result<Draw> {
+    let fixes = simulated(&input.frames, truth, config, seed)?;
+    let index = RoadIndex::new(&input.map);
+    let localizer = Localizer::new(method, &input.map, &index, &input.drive.camera, input.image, config);
+    let results = localize(&input.frames, &fixes, localizer);
+    let scored = results.get(START_FRAMES.min(results.len())..).unwrap_or(&[]);
+    let recorded: Vec<Recorded> = scored.iter().map(Recorded::from).collect();
+    let timing: Vec<Timing> = scored
+        .iter()
+        .map(|r| Timing { maps_ms: r.maps_ms, features_ms: r.features_ms, localize_ms: r.localize_ms })
+        .collect();
+    let truth: Vec<Option<Pose>> = truth.iter().copied().map(Some).collect();
+    let ends = input.frames.first().zip(input.frames.last()).map_or((0, 0), |(a, b)| (a.frame, b.frame));
+    let report = score(&recorded, &truth, &timing).ok_or(Error::NoStart { first: ends.0, last: ends.1 })?;
+    let lost = report.errors.last().is_some_and(|e| e.position_m() > LOST_M);
+    Ok(Draw { report, localize_ms: timing.iter().map(|t| t.localize_ms).collect(), lost })
+}
+
+const HEADER: &str = "method        RMS m  lat m  lon m  ver m  max m  <0.5 m %  angle rad  max rad  matches  lost  ok %  ok but off  median ms   p99 ms";
+
+/// One row over all draws: errors pooled, runs counted.
+fn row(name: &str, draws: &[Draw]) -> String {
+    let errors: Vec<_> = draws.iter().flat_map(|d| &d.report.errors).collect();
+    let count = errors.len().max(1) as f64;
+    let rms = |value: &dyn Fn(&&crate::eval::FrameError) -> f64| {
+        (errors.iter().map(|e| value(e).powi(2)).sum::<f64>() / count).sqrt()
+    };
+    let under = errors.iter().filter(|e| e.position_m() < 0.5).count() as f64 / count;
+    let angle = errors.iter().map(|e| e.angle_rad).sum::<f64>() / count;
+    let most_rad = errors.iter().map(|e| e.angle_rad).fold(0.0, f64::max);
+    let most_m = errors.iter().map(|e| e.position_m()).fold(0.0, f64::max);
+    let runs = draws.len().max(1) as f64;
+    let matches = draws.iter().filter_map(|d| d.report.mean_correspondences).sum::<f64>() / runs;
+    let lost = draws.iter().filter(|d| d.lost).count();
+    let ok: usize = draws.iter().filter_map(|d| d.report.ok_degraded_lost).map(|s| s[0]).sum();
+    let off: usize = draws.iter().map(|d| d.report.ok_but_off).sum();
+    let times = StageTime::of(draws.iter().flat_map(|d| d.localize_ms.iter().copied()).collect());
+    let (median_ms, p99_ms) = times.map_or((0.0, 0.0), |t| (t.median_ms, t.p99_ms));
+    format!(
+        "{name:<12} {:>6.3} {:>6.3} {:>6.3} {:>6.3} {most_m:>6.2} {:>9.1} {angle:>10.4} {most_rad:>8.4} {matches:>8.1} {lost:>5} {:>5.1} {off:>11} {median_ms:>10.3} {p99_ms:>8.2}",
+        rms(&|e| e.position_m()),
+        rms(&|e| e.lateral_m),
+        rms(&|e| e.longitudinal_m),
+        rms(&|e| e.vertical_m),
+        100.0 * under,
+        100.0 * ok as f64 / count,
+    )
+}

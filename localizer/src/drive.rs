@@ -1,0 +1,160 @@
+//! A drive on disk: its frames, and the features of each from networks or from
+//! probability images made before.
+
+use std::path::{Path, PathBuf};
+
+use common::geometry::PinholeCamera;
+use common::kitti::Sequence;
+
+use crate::features::Features;
+use crate::projection::ImageSize;
+use crate::vision::config::Ground;
+use crate::vision::image::{check_calibration, check_size};
+use crate::vision::{Network, ProbabilityMaps, RgbImage, VisionConfig, labels, network, read_png};
+use crate::{Error, Result};
+
+/// The camera of KITTI that is used: left, colour.
+pub const CAMERA: usize = 2;
+
+/// Height of the camera over the road that is assumed where the settings of
+/// the lanes give none, metres: KITTI's. It only says which rows the paper's
+/// straight line is fitted to.
+const CAMERA_HEIGHT_M: f64 = 1.65;
+
+/// A sequence with what does not change along it.
+#[derive(Debug)]
+pub struct Drive {
+    /// Where it lies.
+    pub sequence: Sequence,
+    /// The camera.
+    pub camera: PinholeCamera,
+    /// The time of every frame of the sequence, seconds.
+    pub times_s: Vec<f64>,
+    /// The frames to localize, ascending.
+    pub frames: Vec<usize>,
+}
+
+/// Where the class probabilities of a frame come from.
+pub enum Source {
+    /// Networks, run on the images.
+    Networks(Vec<Network>),
+    /// Probability images `CLASS/NNNNNN.png` in a folder.
+    Labels(PathBuf),
+}
+
+impl Source {
+    /// Networks that are given by their files, or else a folder of labels.
+    ///
+    /// # Errors
+    /// [`Error::NoFeatureSource`] where neither is given, and as
+    /// [`Network::load`].
+    pub fn open(networks: &[&Path], labels: Option<&Path>) -> Result<Self> {
+        match labels {
+            Some(folder) => Ok(Self::Labels(folder.into())),
+            None if networks.is_empty() => Err(Error::NoFeatureSource),
+            None => Ok(Self::Networks(networks.iter().map(Network::load).collect::<std::result::Result<_, _>>()?)),
+        }
+    }
+}
+
+/// What a frame gives before it is localized.
+#[derive(Debug, Clone)]
+pub struct Seen {
+    /// The features.
+    pub features: Features,
+    /// The probabilities that they come from.
+    pub maps: ProbabilityMaps,
+    /// Time for the probabilities (networks or reading files), milliseconds.
+    pub maps_ms: f64,
+    /// Time for the features from them, milliseconds.
+    pub features_ms: f64,
+}
+
+impl Drive {
+    /// The frames `first..=last` of a sequence that have an image, or labels
+    /// where `labels` is given.
+    ///
+    /// # Errors
+    /// As [`Sequence::open`], its calibration and times;
+    /// [`Error::EmptyFolder`] and [`Error::NoFrames`] where there is nothing
+    /// to localize in.
+    pub fn open(root: &Path, name: &str, labels: Option<&Path>, first: usize, last: Option<usize>) -> Result<Self> {
+        let sequence = Sequence::open(root, name)?;
+        let camera = sequence.calibration()?.camera(CAMERA);
+        let times_s = sequence.times_s()?;
+        let folder = labels.map_or_else(|| sequence.folder().join("image_2"), Path::to_path_buf);
+        let mut available = match labels {
+            Some(folder) => label_frames(folder, times_s.len()),
+            None => sequence.image_frames(CAMERA)?,
+        };
+        available.retain(|&frame| frame < times_s.len());
+        let (Some(&have_first), Some(&have_last)) = (available.first(), available.last()) else {
+            return Err(Error::EmptyFolder { folder });
+        };
+        let last = last.unwrap_or(have_last);
+        let frames: Vec<usize> = available.into_iter().filter(|frame| (first..=last).contains(frame)).collect();
+        if frames.is_empty() {
+            return Err(Error::NoFrames { folder, first, last, have_first, have_last });
+        }
+        Ok(Self { sequence, camera, times_s, frames })
+    }
+
+    /// The image of a frame.
+    ///
+    /// # Errors
+    /// As [`read_png`] and [`check_calibration`].
+    pub fn image(&self, frame: usize) -> Result<RgbImage> {
+        let path = self.sequence.image_path(CAMERA, frame);
+        let image = read_png(&path)?;
+        check_calibration(&path, (image.width(), image.height()), &self.camera)?;
+        Ok(image)
+    }
+
+    /// The features of a frame; all frames must have the size `expected`
+    /// (pixels), where one is given.
+    ///
+    /// # Errors
+    /// Where an image, a label or a network fails, with its sentence.
+    pub fn see(&self, frame: usize, source: &Source, expected: Option<(usize, usize)>, config: &VisionConfig) -> Result<Seen> {
+        let started = std::time::Instant::now();
+        let maps = match source {
+            Source::Labels(folder) => labels::read(folder, frame, expected)?,
+            Source::Networks(networks) => {
+                let image = self.image(frame)?;
+                if let Some(expected) = expected {
+                    let path = self.sequence.image_path(CAMERA, frame);
+                    check_size(&path, (image.width(), image.height()), expected)?;
+                }
+                network::run_all(networks, &image)?
+            }
+        };
+        let maps_ms = started.elapsed().as_secs_f64() * 1e3;
+        let started = std::time::Instant::now();
+        let features = crate::vision::extract(&maps, &self.calibrated(config));
+        let features_ms = started.elapsed().as_secs_f64() * 1e3;
+        Ok(Seen { features, maps, maps_ms, features_ms })
+    }
+
+    /// The settings with the ground that this camera sees, where they do not
+    /// give one.
+    fn calibrated(&self, config: &VisionConfig) -> VisionConfig {
+        let mut config = config.clone();
+        config.lanes.ground.get_or_insert(Ground {
+            horizon_px: self.camera.cy_px,
+            focal_px: self.camera.fy_px,
+            camera_height_m: CAMERA_HEIGHT_M,
+        });
+        config
+    }
+}
+
+/// An image of this many columns and rows.
+pub fn image_size(width: usize, height: usize) -> ImageSize {
+    ImageSize { width_px: width as f64, height_px: height as f64 }
+}
+
+/// The frames for which some class has a file.
+fn label_frames(folder: &Path, frames: usize) -> Vec<usize> {
+    let has = |frame: &usize| crate::vision::Class::ALL.iter().any(|&class| labels::path(folder, class, *frame).is_file());
+    (0..frames).filter(has).collect()
+}

@@ -1,0 +1,108 @@
+//! What can go wrong in the localizer. Each message is one sentence: the file,
+//! the place in it, what to do.
+
+use std::path::PathBuf;
+
+/// Result of everything here that can fail.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Errors of the localizer.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// Files, settings, maps.
+    #[error(transparent)]
+    Common(#[from] common::Error),
+    /// Images, probability maps, networks.
+    #[error(transparent)]
+    Vision(#[from] crate::vision::Error),
+    /// Neither networks nor labels were given.
+    #[error("nothing says where the features come from; give `--pole-net` and `--lane-net`, or `--labels`")]
+    NoFeatureSource,
+    /// An option is missing that the command needs.
+    #[error("`{option}` is missing; give it, or see `--help`")]
+    MissingOption {
+        /// The option.
+        option: &'static str,
+    },
+    /// No frame of the range has an image or labels.
+    #[error("frames {first} to {last} of {} hold none to localize in; it has frames {have_first} to {have_last}", folder.display())]
+    NoFrames {
+        /// Where they should be.
+        folder: PathBuf,
+        /// First frame that was asked for.
+        first: usize,
+        /// Last frame that was asked for.
+        last: usize,
+        /// First frame that is there.
+        have_first: usize,
+        /// Last frame that is there.
+        have_last: usize,
+    },
+    /// A folder without any frame.
+    #[error("{} holds no images; give the folder of a KITTI sequence with `image_2`, or labels", folder.display())]
+    EmptyFolder {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// The localizer cannot start.
+    #[error("no GPS fix lies on the frames {first} to {last}; give one for the first frame with `--gps`, or true poses to simulate it")]
+    NoStart {
+        /// First frame of the run.
+        first: usize,
+        /// Last frame of the run.
+        last: usize,
+    },
+    /// A row of a GPS file of unknown form.
+    #[error(
+        "{} line {line} has {found} columns; give `t x y z` or `t x y z qx qy qz qw` (TUM), \
+         `frame` and a 3x4 pose (13 columns), or a 3x4 pose per frame (12 columns)",
+        path.display()
+    )]
+    GpsRow {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// Its columns.
+        found: usize,
+    },
+    /// A fix whose time is no frame's.
+    #[error("{} line {line} is at {time_s} s, but the nearest frame is {off_s:.3} s away; give times as in times.txt", path.display())]
+    GpsTime {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// Time of the fix, seconds.
+        time_s: f64,
+        /// Distance to the nearest frame, seconds.
+        off_s: f64,
+    },
+    /// A result file without the columns of one.
+    #[error("{} is no result of `localizer run`: line {line} {problem}; give its output folder or its estimates.csv", path.display())]
+    BadResult {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong.
+        problem: String,
+    },
+    /// Estimates and truth share no frame.
+    #[error("{} and {} share no frame from {first} on; give the truth of the same sequence", estimate.display(), truth.display())]
+    NoCommonFrames {
+        /// The estimates.
+        estimate: PathBuf,
+        /// The truth.
+        truth: PathBuf,
+        /// First frame that counts.
+        first: usize,
+    },
+    /// A report that cannot be written as JSON.
+    #[error("the report cannot be written as JSON: {message}; leave `--json` out")]
+    Json {
+        /// What the encoder says.
+        message: String,
+    },
+}

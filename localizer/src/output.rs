@@ -1,0 +1,276 @@
+//! What a run leaves on disk, and how it is read back.
+//!
+//! `estimates.csv` says everything about each frame and is the same for the
+//! same input; how long things took stands in `timing.csv`.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use common::atomic_file;
+use common::geometry::Pose;
+use common::trajectory::{StampedPose, Trajectory};
+use nalgebra::{Quaternion, Translation3, UnitQuaternion};
+
+use crate::estimate::Status;
+use crate::run::FrameResult;
+use crate::{Error, Result};
+
+/// Names of the tangent's components, as they stand in the CSV's header.
+const AXES: [&str; 6] = ["right", "down", "forward", "pitch", "yaw", "roll"];
+/// Columns of `estimates.csv` before the covariance.
+const LEADING: &str = "frame,time_s,status,x_m,y_m,z_m,qx,qy,qz,qw,poles,lanes,signs,correspondences,\
+                       residual_px,support,margin,iterations,converged";
+const TIMING: &str = "frame,maps_ms,features_ms,localize_ms";
+
+/// Writes `poses.txt` (KITTI), `poses.tum`, `estimates.csv` and `timing.csv`
+/// into a folder that exists.
+///
+/// # Errors
+/// As [`atomic_file::write`].
+pub fn write(folder: &Path, results: &[FrameResult]) -> Result<()> {
+    let stamps = results
+        .iter()
+        .map(|r| StampedPose { frame: r.frame, time_s: r.time_s, map_from_camera: r.estimate.map_from_camera })
+        .collect();
+    let trajectory = Trajectory { stamps };
+    trajectory.write_kitti(folder.join("poses.txt"))?;
+    trajectory.write_tum(folder.join("poses.tum"))?;
+    atomic_file::write(folder.join("estimates.csv"), estimates_csv(results).as_bytes())?;
+    atomic_file::write(folder.join("timing.csv"), timing_csv(results).as_bytes())?;
+    Ok(())
+}
+
+fn estimates_csv(results: &[FrameResult]) -> String {
+    let mut text = String::from(LEADING);
+    for (i, axis) in AXES.iter().enumerate() {
+        let _ = write!(text, ",sigma_{axis}_{}", if i < 3 { "m" } else { "rad" });
+    }
+    for (i, row) in AXES.iter().enumerate() {
+        for column in &AXES[i..] {
+            let _ = write!(text, ",cov_{row}_{column}");
+        }
+    }
+    text.push('\n');
+    for result in results {
+        let estimate = &result.estimate;
+        let t = estimate.map_from_camera.translation.vector;
+        let q = estimate.map_from_camera.rotation.coords;
+        let _ = write!(
+            text,
+            "{},{:.6},{},{:.4},{:.4},{:.4},{:.8},{:.8},{:.8},{:.8},{},{},{},{},{:.3},{:.3},{:.3},{},{}",
+            result.frame,
+            result.time_s,
+            estimate.status,
+            t.x,
+            t.y,
+            t.z,
+            q.x,
+            q.y,
+            q.z,
+            q.w,
+            result.features[0],
+            result.features[1],
+            result.features[2],
+            estimate.correspondences.len(),
+            estimate.residual_rms_px,
+            estimate.support,
+            estimate.margin,
+            estimate.iterations,
+            u8::from(estimate.converged),
+        );
+        for sigma in estimate.sigmas() {
+            let _ = write!(text, ",{sigma:.6}");
+        }
+        for i in 0..6 {
+            for j in i..6 {
+                let _ = write!(text, ",{:.9e}", estimate.covariance[(i, j)]);
+            }
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn timing_csv(results: &[FrameResult]) -> String {
+    let mut text = format!("{TIMING}\n");
+    for r in results {
+        let _ = writeln!(text, "{},{:.4},{:.4},{:.4}", r.frame, r.maps_ms, r.features_ms, r.localize_ms);
+    }
+    text
+}
+
+/// One frame of `estimates.csv`, as far as the evaluation needs it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Recorded {
+    /// Index of the frame in its sequence.
+    pub frame: usize,
+    /// The pose.
+    pub map_from_camera: Pose,
+    /// What the localizer said of it; none for files without a status.
+    pub status: Option<Status>,
+    /// Number of correspondences, where the file has them.
+    pub correspondences: Option<usize>,
+}
+
+impl From<&FrameResult> for Recorded {
+    fn from(result: &FrameResult) -> Self {
+        Self {
+            frame: result.frame,
+            map_from_camera: result.estimate.map_from_camera,
+            status: Some(result.estimate.status),
+            correspondences: Some(result.estimate.correspondences.len()),
+        }
+    }
+}
+
+/// Times of one frame, milliseconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Timing {
+    /// Probabilities: networks, or reading labels.
+    pub maps_ms: f64,
+    /// Features from them.
+    pub features_ms: f64,
+    /// Association and pose.
+    pub localize_ms: f64,
+}
+
+/// Reads `estimates.csv`.
+///
+/// # Errors
+/// [`common::Error::Io`], or [`Error::BadResult`] at its line.
+pub fn read_estimates(path: &Path) -> Result<Vec<Recorded>> {
+    let leading: Vec<&str> = LEADING.split(',').collect();
+    let rows = rows(path, &leading)?;
+    rows.iter()
+        .map(|(line, words)| {
+            let number = |i: usize| number(path, *line, words, i);
+            let quaternion = Quaternion::new(number(9)?, number(6)?, number(7)?, number(8)?);
+            if (quaternion.norm() - 1.0).abs() > 1e-3 {
+                return Err(bad(path, *line, "has a quaternion that is not of unit length"));
+            }
+            let status = words.get(2).and_then(|word| Status::from_word(word));
+            Ok(Recorded {
+                frame: number(0)? as usize,
+                map_from_camera: Pose::from_parts(
+                    Translation3::new(number(3)?, number(4)?, number(5)?),
+                    UnitQuaternion::from_quaternion(quaternion),
+                ),
+                status: Some(status.ok_or_else(|| bad(path, *line, "has an unknown status"))?),
+                correspondences: Some(number(13)? as usize),
+            })
+        })
+        .collect()
+}
+
+/// Reads `timing.csv`.
+///
+/// # Errors
+/// As [`read_estimates`].
+pub fn read_timing(path: &Path) -> Result<Vec<Timing>> {
+    let leading: Vec<&str> = TIMING.split(',').collect();
+    rows(path, &leading)?
+        .iter()
+        .map(|(line, words)| {
+            let number = |i: usize| number(path, *line, words, i);
+            Ok(Timing { maps_ms: number(1)?, features_ms: number(2)?, localize_ms: number(3)? })
+        })
+        .collect()
+}
+
+fn bad(path: &Path, line: usize, problem: impl Into<String>) -> Error {
+    Error::BadResult { path: path.to_path_buf(), line, problem: problem.into() }
+}
+
+fn number(path: &Path, line: usize, words: &[String], column: usize) -> Result<f64> {
+    let word = words.get(column).map_or("", String::as_str);
+    let value = word.parse::<f64>().ok().filter(|v| v.is_finite());
+    value.ok_or_else(|| bad(path, line, format!("has `{word}` in column {}", column + 1)))
+}
+
+/// The rows below a header that begins with `leading`, each with its line.
+fn rows(path: &Path, leading: &[&str]) -> Result<Vec<(usize, Vec<String>)>> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| common::Error::Io { path: path.to_path_buf(), source })?;
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+    if !header.starts_with(leading) {
+        return Err(bad(path, 1, format!("does not begin with `{}`", leading.join(","))));
+    }
+    let words = |row: &str| row.split(',').map(str::to_owned).collect::<Vec<_>>();
+    let rows: Vec<(usize, Vec<String>)> = lines.enumerate().map(|(i, row)| (i + 2, words(row))).collect();
+    match rows.iter().find(|(_, row)| row.len() != header.len()) {
+        Some((line, row)) => Err(bad(path, *line, format!("has {} columns instead of {}", row.len(), header.len()))),
+        None => Ok(rows),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimate::PoseEstimate;
+    use common::geometry::PoseParameters;
+    use nalgebra::Matrix6;
+
+    fn result(frame: usize) -> FrameResult {
+        let pose = PoseParameters { x_m: 1.5, y_m: -0.2, z_m: 30.0, yaw_rad: 0.4, pitch_rad: 0.01, roll_rad: -0.02 };
+        let estimate = PoseEstimate {
+            map_from_camera: pose.to_pose(),
+            covariance: Matrix6::identity() * 0.04,
+            correspondences: Vec::new(),
+            residual_rms_px: 1.25,
+            iterations: 7,
+            converged: true,
+            status: Status::Degraded,
+            support: 12.0,
+            margin: f64::INFINITY,
+        };
+        FrameResult {
+            frame,
+            time_s: 0.1 * frame as f64,
+            estimate,
+            features: [4, 2, 1],
+            maps_ms: 5.0,
+            features_ms: 3.0,
+            localize_ms: 0.5,
+        }
+    }
+
+    #[test]
+    fn what_was_written_is_read_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let results = [result(2), result(5)];
+        write(folder.path(), &results).unwrap();
+        let read = read_estimates(&folder.path().join("estimates.csv")).unwrap();
+        assert_eq!(read.iter().map(|r| r.frame).collect::<Vec<_>>(), [2, 5]);
+        let off = common::geometry::local(&results[0].estimate.map_from_camera, &read[0].map_from_camera);
+        assert!(off.norm() < 1e-4);
+        assert_eq!(read[1].status, Some(Status::Degraded));
+        let timing = read_timing(&folder.path().join("timing.csv")).unwrap();
+        assert!((timing[1].localize_ms - 0.5).abs() < 1e-9);
+        let kitti = Trajectory::read_kitti(folder.path().join("poses.txt"), &[0.0; 6]).unwrap();
+        assert_eq!(kitti.stamps.iter().map(|s| s.frame).collect::<Vec<_>>(), [2, 5]);
+    }
+
+    #[test]
+    fn the_sigmas_are_the_diagonal_and_the_triangle_is_whole() {
+        let text = estimates_csv(&[result(0)]);
+        let mut lines = text.lines();
+        let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+        let row: Vec<&str> = lines.next().unwrap().split(',').collect();
+        assert_eq!(header.len(), row.len());
+        assert_eq!(header.iter().filter(|h| h.starts_with("cov_")).count(), 21);
+        let at = |name: &str| row[header.iter().position(|h| *h == name).unwrap()].parse::<f64>().unwrap();
+        assert!((at("sigma_yaw_rad") - 0.2).abs() < 1e-9 && (at("cov_yaw_yaw") - 0.04).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_file_that_is_no_result_is_refused_with_its_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("estimates.csv");
+        std::fs::write(&path, "a,b\n1,2\n").unwrap();
+        assert!(matches!(read_estimates(&path), Err(Error::BadResult { line: 1, .. })));
+        let good = estimates_csv(&[result(0), result(1)]);
+        std::fs::write(&path, good.trim_end().rsplit_once(',').unwrap().0).unwrap();
+        assert!(matches!(read_estimates(&path), Err(Error::BadResult { line: 3, .. })));
+    }
+}

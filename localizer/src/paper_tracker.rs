@@ -1,0 +1,107 @@
+//! The paper's localizer over time: GPS for the first two frames, constant
+//! velocity after, each frame by [`crate::associate::paper`].
+
+use common::geometry::{PinholeCamera, Pose};
+use common::map::SemanticMap;
+
+use crate::associate::paper::{PaperScene, associate_and_localize};
+use crate::config::Config;
+use crate::estimate::{PoseEstimate, Status};
+use crate::preselect::{Candidates, Lookup, PreselectConfig, Reach};
+use crate::prepare::Prepared;
+use crate::projection::ImageSize;
+use crate::road_index::RoadIndex;
+use crate::start::Rough;
+use crate::tracker::FrameInput;
+
+/// The paper's localizer of one drive.
+#[derive(Debug)]
+pub struct PaperTracker<'a> {
+    map: &'a SemanticMap,
+    index: &'a RoadIndex,
+    camera: PinholeCamera,
+    image: ImageSize,
+    config: Config,
+    /// The last two poses, the later one first.
+    past: Vec<Pose>,
+    frames: u64,
+    prepared: Prepared,
+    candidates: Candidates,
+}
+
+impl<'a> PaperTracker<'a> {
+    /// A localizer that knows nothing of its position yet.
+    pub fn new(map: &'a SemanticMap, index: &'a RoadIndex, camera: &PinholeCamera, image: ImageSize, config: &Config) -> Self {
+        let mut config = config.clone();
+        // Lane lines 5 to 20 m ahead, whatever the default method uses.
+        let paper = PreselectConfig { lane_near_m: 5.0, lane_far_m: 20.0, ..config.preselect };
+        config.preselect = paper;
+        Self {
+            map,
+            index,
+            camera: *camera,
+            image,
+            config,
+            past: Vec::new(),
+            frames: 0,
+            prepared: Prepared::default(),
+            candidates: Candidates::default(),
+        }
+    }
+
+    /// The pose at the next frame; none before the first GPS fix.
+    pub fn step(&mut self, input: &FrameInput<'_>) -> Option<PoseEstimate> {
+        self.prepared.fill(input.features);
+        let predicted = self.predict(input)?;
+        let lookup = Lookup {
+            map: self.map,
+            index: self.index,
+            camera: &self.camera,
+            image: self.image,
+            config: &self.config.preselect,
+        };
+        // D5 says how far from the prediction the pose may be.
+        let reach = Reach { position_m: self.config.paper.d5_m, angle_rad: 0.05 };
+        lookup.select(&predicted, &reach, &mut self.candidates);
+        let scene = PaperScene {
+            camera: &self.camera,
+            features: &self.prepared,
+            candidates: &self.candidates,
+            noise: &self.config.noise,
+        };
+        let result = associate_and_localize(&scene, &predicted, self.frames, &self.config.paper);
+        self.frames += 1;
+        self.past.insert(0, result.map_from_camera);
+        self.past.truncate(2);
+        Some(PoseEstimate {
+            map_from_camera: result.map_from_camera,
+            covariance: result.covariance,
+            correspondences: result.correspondences,
+            residual_rms_px: result.mean_residual_px,
+            iterations: result.iterations,
+            converged: result.accepted,
+            // The paper has no other word on its quality.
+            status: if result.accepted { Status::Ok } else { Status::Degraded },
+            support: 0.0,
+            margin: 0.0,
+        })
+    }
+
+    /// The GPS fix for the first two frames, then `2 p1 - p2`.
+    fn predict(&mut self, input: &FrameInput<'_>) -> Option<Pose> {
+        if let [last, before] = self.past[..] {
+            return Some(last * (before.inverse() * last));
+        }
+        let Some(fix) = input.gps else { return self.past.first().copied() };
+        self.index.roads_near(&fix.position_map, self.config.start.path_reach_m, &mut self.candidates.roads);
+        let rough = Rough::from_fix(
+            self.map,
+            &self.candidates.roads,
+            &fix.position_map,
+            fix.horizontal_sigma_m,
+            fix.heading,
+            &self.config.start,
+        );
+        Some(rough.map_from_camera)
+    }
+}

@@ -1,0 +1,106 @@
+//! Localizes the frames of a drive one after the other.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use common::geometry::PinholeCamera;
+use common::map::SemanticMap;
+
+use crate::config::Config;
+use crate::estimate::PoseEstimate;
+use crate::features::Features;
+use crate::gps::GpsFix;
+use crate::paper_tracker::PaperTracker;
+use crate::projection::ImageSize;
+use crate::road_index::RoadIndex;
+use crate::tracker::{FrameInput, Tracker};
+
+/// How a frame is localized.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Method {
+    /// Several hypotheses, one-to-one matches, a filter.
+    Robust,
+    /// The paper's algorithm, with its repairs named in the source.
+    Paper,
+}
+
+/// The localizer of either method.
+#[derive(Debug)]
+pub enum Localizer<'a> {
+    /// See [`Tracker`].
+    Robust(Box<Tracker<'a>>),
+    /// See [`PaperTracker`].
+    Paper(Box<PaperTracker<'a>>),
+}
+
+impl<'a> Localizer<'a> {
+    /// A localizer that knows nothing of its position yet.
+    pub fn new(method: Method, map: &'a SemanticMap, index: &'a RoadIndex, camera: &PinholeCamera, image: ImageSize, config: &Config) -> Self {
+        match method {
+            Method::Robust => Self::Robust(Box::new(Tracker::new(map, index, camera, image, config))),
+            Method::Paper => Self::Paper(Box::new(PaperTracker::new(map, index, camera, image, config))),
+        }
+    }
+
+    /// The pose at the next frame; none before the first GPS fix.
+    pub fn step(&mut self, input: &FrameInput<'_>) -> Option<PoseEstimate> {
+        match self {
+            Self::Robust(tracker) => tracker.step(input),
+            Self::Paper(tracker) => tracker.step(input),
+        }
+    }
+}
+
+/// One frame of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameResult {
+    /// Index of the frame in its sequence.
+    pub frame: usize,
+    /// Its time, seconds.
+    pub time_s: f64,
+    /// What came out.
+    pub estimate: PoseEstimate,
+    /// Number of features: poles, lanes, signs.
+    pub features: [usize; 3],
+    /// Time for the probabilities, milliseconds.
+    pub maps_ms: f64,
+    /// Time for the features from them, milliseconds.
+    pub features_ms: f64,
+    /// Time for association and pose, milliseconds.
+    pub localize_ms: f64,
+}
+
+/// One frame before it is localized.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameFeatures {
+    /// Index of the frame in its sequence.
+    pub frame: usize,
+    /// Its time, seconds.
+    pub time_s: f64,
+    /// Its features.
+    pub features: Features,
+    /// Time for the probabilities, milliseconds.
+    pub maps_ms: f64,
+    /// Time for the features from them, milliseconds.
+    pub features_ms: f64,
+}
+
+/// Localizes the frames in order. Frames before the first fix give nothing.
+pub fn localize(frames: &[FrameFeatures], fixes: &BTreeMap<usize, GpsFix>, mut localizer: Localizer<'_>) -> Vec<FrameResult> {
+    let step = |seen: &FrameFeatures| {
+        let started = Instant::now();
+        let input = FrameInput { time_s: seen.time_s, features: &seen.features, gps: fixes.get(&seen.frame) };
+        let estimate = localizer.step(&input)?;
+        let features = &seen.features;
+        Some(FrameResult {
+            frame: seen.frame,
+            time_s: seen.time_s,
+            estimate,
+            features: [features.poles.len(), features.lanes.len(), features.signs.len()],
+            maps_ms: seen.maps_ms,
+            features_ms: seen.features_ms,
+            localize_ms: started.elapsed().as_secs_f64() * 1e3,
+        })
+    };
+    frames.iter().filter_map(step).collect()
+}

@@ -60,10 +60,14 @@ pub struct PoleConfig {
     /// piece. A gap that signs or lights fill may be of any length.
     pub max_gap_share: f64,
     /// Standard deviation of a mask's centre that is common to all its rows,
-    /// pixels: the network's own bias.
+    /// pixels: measured against the edges of 172 poles in KITTI images it is
+    /// 0.48 for poles of 3 to 6 px and 0.85 for those of 6 to 9 px.
     pub mask_sigma_px: f64,
-    /// Rows over which the error of a mask is about the same, pixels: the
-    /// stride of a segmentation network before its last upsampling.
+    /// The same as a share of the width; both add up as variances.
+    pub mask_sigma_width_share: f64,
+    /// Rows over which the error of a mask is about the same, pixels: with
+    /// 12, the directions of the same poles err as much as they claim. That
+    /// is about the stride of a segmentation network.
     pub correlation_px: f64,
 }
 
@@ -85,8 +89,9 @@ impl Default for PoleConfig {
             max_residual_width_share: 0.12,
             min_coverage: 0.7,
             max_gap_share: 1.0,
-            mask_sigma_px: 0.5,
-            correlation_px: 8.0,
+            mask_sigma_px: 0.3,
+            mask_sigma_width_share: 0.1,
+            correlation_px: 12.0,
         }
     }
 }
@@ -180,7 +185,7 @@ pub struct LaneConfig {
     /// Its farthest distance, metres; the paper's 20.
     pub far_m: f64,
     /// Standard deviation of a mask's centre that is common to all its rows,
-    /// pixels: the network's own bias.
+    /// pixels: measured against the paint at 2,000 places of KITTI images.
     pub mask_sigma_px: f64,
     /// Length over which the error of a mask is about the same, pixels.
     pub correlation_px: f64,
@@ -226,8 +231,8 @@ impl Default for LaneConfig {
             ground: None,
             near_m: 5.0,
             far_m: 20.0,
-            mask_sigma_px: 1.0,
-            correlation_px: 8.0,
+            mask_sigma_px: 0.7,
+            correlation_px: 12.0,
         }
     }
 }

@@ -198,11 +198,9 @@ mod tests {
                     continue;
                 }
                 area += 1;
-                let (x, y) = ((i % 97) as i32, (i / 97) as i32);
-                for (dx, dy) in (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy))) {
-                    if (0..97).contains(&(x + dx)) && (0..61).contains(&(y + dy)) {
-                        stack.push(((y + dy) * 97 + x + dx) as usize);
-                    }
+                let (x, y) = (i % 97, i / 97);
+                for near in y.saturating_sub(1)..(y + 2).min(61) {
+                    stack.extend((x.saturating_sub(1)..(x + 2).min(97)).map(|x| near * 97 + x));
                 }
             }
             if area > 0 {

@@ -64,7 +64,7 @@ fn by_row(points: &[TrackPoint]) -> Vec<Point2<f64>> {
     let mut sorted: Vec<Point2<f64>> = points.iter().map(|p| p.at_px).collect();
     sorted.sort_by(|a, b| a.y.total_cmp(&b.y));
     sorted
-        .chunk_by(|a, b| a.y.round() == b.y.round())
+        .chunk_by(|a, b| b.y.round() - a.y.round() < 0.5)
         .map(|row| Point2::from(row.iter().map(|p| p.coords).sum::<nalgebra::Vector2<f64>>() / row.len() as f64))
         .collect()
 }

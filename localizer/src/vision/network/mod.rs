@@ -85,7 +85,7 @@ impl Network {
     /// size than the image.
     pub fn run(&self, image: &RgbImage, maps: &mut ProbabilityMaps) -> Result<(), Error> {
         let image_size = (image.width(), image.height());
-        let view = View::new(self.spec.fit, image_size, self.size);
+        let view = View::new(&self.spec, image_size, self.size);
         let data = resample::to_input(image, &view, &self.spec);
         let shape = match self.spec.layout {
             Layout::Nchw => [1, 3, self.size.1, self.size.0],

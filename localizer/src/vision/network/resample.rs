@@ -12,17 +12,19 @@ pub(super) struct View {
     /// Width and height of the network's input, pixels.
     pub(super) size: (usize, usize),
     scale: (f64, f64),
+    /// How far outputs lie from what they show, input pixels.
+    shift: [f64; 2],
 }
 
 impl View {
     /// How an image of `image` pixels lies in an input of `size` pixels.
-    pub(super) fn new(fit: Fit, image: (usize, usize), size: (usize, usize)) -> Self {
+    pub(super) fn new(spec: &NetworkSpec, image: (usize, usize), size: (usize, usize)) -> Self {
         let scale = (size.0 as f64 / image.0 as f64, size.1 as f64 / image.1 as f64);
-        let scale = match fit {
+        let scale = match spec.fit {
             Fit::Stretch => scale,
             Fit::Pad => (scale.0.min(scale.1), scale.0.min(scale.1)),
         };
-        Self { size, scale }
+        Self { size, scale, shift: spec.shift_px }
     }
 }
 
@@ -35,14 +37,15 @@ struct Tap {
 }
 
 /// The taps of the outputs that see the input, `step` input pixels apart: all
-/// of them, or where the input is padded, the leading ones.
-fn taps(outputs: usize, inputs: usize, step: f64) -> Vec<Tap> {
+/// of them, or where the input is padded, the leading ones. What they see is
+/// found `shift` input pixels further on.
+fn taps(outputs: usize, inputs: usize, step: f64, shift: f64) -> Vec<Tap> {
     let last = inputs.saturating_sub(1);
     (0..outputs)
         .map(|output| (output as f64 + 0.5) * step - 0.5)
         .take_while(|&at| at < inputs as f64 - 0.5 + 1e-9)
         .map(|at| {
-            let at = at.clamp(0.0, last as f64);
+            let at = (at + shift).clamp(0.0, last as f64);
             Tap { first: at as usize, second: (at as usize + 1).min(last), share: (at - at.floor()) as f32 }
         })
         .collect()
@@ -52,8 +55,8 @@ fn taps(outputs: usize, inputs: usize, step: f64) -> Vec<Tap> {
 /// Padding is black before normalisation.
 pub(super) fn to_input(image: &RgbImage, view: &View, spec: &NetworkSpec) -> Vec<f32> {
     let (width, height) = view.size;
-    let columns = taps(width, image.width(), 1.0 / view.scale.0);
-    let rows = taps(height, image.height(), 1.0 / view.scale.1);
+    let columns = taps(width, image.width(), 1.0 / view.scale.0, 0.0);
+    let rows = taps(height, image.height(), 1.0 / view.scale.1, 0.0);
     let (pixel, plane) = match spec.layout {
         Layout::Nchw => (1, width * height),
         Layout::Nhwc => (3, 1),
@@ -90,9 +93,10 @@ pub(super) fn to_input(image: &RgbImage, view: &View, spec: &NetworkSpec) -> Vec
 /// A plane of probabilities that the network gave over its whole input,
 /// `size` pixels, as a plane of the image, `image` pixels.
 pub(super) fn to_plane(values: &[f32], size: (usize, usize), view: &View, image: (usize, usize)) -> Plane {
-    let step = |axis: f64, output: usize, input: usize| axis * output as f64 / input as f64;
-    let columns = taps(image.0, size.0, step(view.scale.0, size.0, view.size.0));
-    let rows = taps(image.1, size.1, step(view.scale.1, size.1, view.size.1));
+    // Outputs per input pixel.
+    let density = (size.0 as f64 / view.size.0 as f64, size.1 as f64 / view.size.1 as f64);
+    let columns = taps(image.0, size.0, view.scale.0 * density.0, view.shift[0] * density.0);
+    let rows = taps(image.1, size.1, view.scale.1 * density.1, view.shift[1] * density.1);
     let mut plane = Plane::zeros(image.0, image.1);
     let mut blended = vec![0.0_f32; size.0];
     for (tap, out) in rows.iter().zip(plane.data_mut().chunks_exact_mut(image.0)) {
@@ -131,7 +135,7 @@ mod tests {
     fn there_and_back_nothing_shifts() {
         for (fit, size) in [(Fit::Stretch, (48, 39)), (Fit::Pad, (64, 30))] {
             let image = ramp(40, 30);
-            let view = View::new(fit, (40, 30), size);
+            let view = View::new(&spec(fit), (40, 30), size);
             let input = to_input(&image, &view, &spec(fit));
             let plane = to_plane(&input[..size.0 * size.1], size, &view, (40, 30));
             // At the border the nearest pixel is repeated, so look inside.
@@ -147,24 +151,36 @@ mod tests {
     #[test]
     fn a_coarse_output_is_spread_over_the_image() {
         // 10x5 outputs over a 20x10 input over a 40x20 image: 4 pixels per output.
-        let view = View::new(Fit::Stretch, (40, 20), (20, 10));
+        let view = View::new(&spec(Fit::Stretch), (40, 20), (20, 10));
         let values: Vec<f32> = (0..50).map(|i| (i % 10) as f32 / 10.0).collect();
         let plane = to_plane(&values, (10, 5), &view, (40, 20));
         // Output 4 has its centre at image x = 17.5, output 5 at 21.5.
-        let between = (f64::from(plane.row(9)[19]) + f64::from(plane.row(9)[20])) / 2.0;
+        let between = f64::midpoint(f64::from(plane.row(9)[19]), f64::from(plane.row(9)[20]));
         assert!((between / 255.0 - 0.45).abs() < 0.003, "{between}");
+    }
+
+    #[test]
+    fn a_known_shift_is_taken_back() {
+        // 8 inputs over 16 image pixels; the output shows things 1.5 inputs too low.
+        let spec = NetworkSpec { shift_px: [0.0, 1.5], ..spec(Fit::Stretch) };
+        let view = View::new(&spec, (4, 16), (4, 8));
+        let values: Vec<f32> = (0..32).map(|i| (i / 4) as f32 / 10.0).collect();
+        let plane = to_plane(&values, (4, 8), &view, (4, 16));
+        // Image row 4.5 is input row 2, which shows up in output row 3.5.
+        let between = f64::midpoint(f64::from(plane.row(4)[0]), f64::from(plane.row(5)[0]));
+        assert!((between / 255.0 - 0.35).abs() < 0.003, "{between}");
     }
 
     #[test]
     fn padding_is_black_and_layouts_agree() {
         let image = ramp(8, 8);
-        let view = View::new(Fit::Pad, (8, 8), (12, 8));
+        let view = View::new(&spec(Fit::Pad), (8, 8), (12, 8));
         let planar = spec(Fit::Pad);
         let packed = NetworkSpec { layout: Layout::Nhwc, channels: ChannelOrder::Bgr, ..planar.clone() };
         let (a, b) = (to_input(&image, &view, &planar), to_input(&image, &view, &packed));
-        assert_eq!(a[8], 0.0);
+        assert!(a[8].abs() < 1e-9);
         for i in 0..96 {
-            assert_eq!(a[i], b[3 * i]);
+            assert!((a[i] - b[3 * i]).abs() < 1e-9);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! What a network says about its inputs and outputs, and whether that fits
 //! its description.
 
-use rten::{Dimension, Model, NodeId};
+use rten::{Dimension, Model, NodeId, NodeInfo};
 
 use super::spec::{Layout, NetworkSpec};
 use crate::vision::Class;
@@ -16,7 +16,7 @@ impl Signature {
     pub(super) fn of(model: &Model) -> Self {
         let describe = |&id: &NodeId| {
             let info = model.node_info(id);
-            let name = info.as_ref().and_then(|info| info.name()).unwrap_or_default().to_owned();
+            let name = info.as_ref().and_then(NodeInfo::name).unwrap_or_default().to_owned();
             let shape = info.and_then(|info| info.shape()).unwrap_or_default();
             let fixed = |d: &Dimension| if let Dimension::Fixed(size) = d { *size } else { 0 };
             (name, id, shape.iter().map(fixed).collect())

@@ -51,7 +51,7 @@ fn joined(upper: &Stem, lower: &Stem, gap: f64, maps: &ProbabilityMaps, config: 
         lower_v_px: lower.lower_v_px,
     };
     both.centres.sort_by(|a, b| a.v_px.total_cmp(&b.v_px));
-    both.centres.dedup_by(|a, b| a.v_px == b.v_px);
+    both.centres.dedup_by(|a, b| a.v_px - b.v_px < 0.5);
     both.fit()?;
     let covered = both.coverage() >= config.min_coverage || is_hidden(upper, lower, maps) || gap <= longer;
     // Each piece must lie on the joint line: the longer one alone would carry

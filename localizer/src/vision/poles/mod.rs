@@ -78,23 +78,26 @@ fn feature(stem: &Stem, maps: &ProbabilityMaps, config: &PoleConfig) -> LineFeat
     // many of them are independent; a line through n points over a length l
     // knows its direction to sigma sqrt(12 / n) / l.
     let independent = (stem.centres.len() as f64 / config.correlation_px).max(1.0);
-    let row_sigma = stem.residual_px().hypot(config.mask_sigma_px);
+    let width_px = stem.width_px * across;
+    let mask_sigma = config.mask_sigma_px.hypot(config.mask_sigma_width_share * width_px);
+    let row_sigma = stem.residual_px().hypot(mask_sigma);
     LineFeature {
         upper_px,
         lower_px,
-        offset_sigma_px: (stem.residual_px() / independent.sqrt()).hypot(config.mask_sigma_px),
+        offset_sigma_px: (stem.residual_px() / independent.sqrt()).hypot(mask_sigma),
         angle_sigma_rad: row_sigma * (12.0 / independent).sqrt() / length,
-        width_px: stem.width_px * across,
+        width_px,
         probability: stem.probability(),
-        upper_is_cut: is_cut(stem, maps, -1.0),
-        lower_is_cut: is_cut(stem, maps, 1.0),
+        upper_is_cut: is_cut(stem, maps, -1.0) || stem.fades(stem.centres.iter(), stem.upper_v_px),
+        lower_is_cut: is_cut(stem, maps, 1.0) || stem.fades(stem.centres.iter().rev(), stem.lower_v_px),
     }
 }
 
-/// Whether the end in this direction is not the pole's own: the image ends
-/// there, or a sign or a light hides the rest.
+/// Whether the end in this direction is certainly not the pole's own: the
+/// image ends there, or a sign or a light hides the rest.
 fn is_cut(stem: &Stem, maps: &ProbabilityMaps, down: f64) -> bool {
-    const BORDER_PX: f64 = 2.0;
+    /// Networks grow uncertain this close to the border.
+    const BORDER_PX: f64 = 4.0;
     const HIDING: u8 = 64;
     let end = if down < 0.0 { stem.upper_v_px } else { stem.lower_v_px };
     let beyond = end + down * BORDER_PX;
@@ -103,7 +106,7 @@ fn is_cut(stem: &Stem, maps: &ProbabilityMaps, down: f64) -> bool {
         || beyond > maps.height() as f64 - 0.5
         || u - 0.5 * stem.width_px < -0.5
         || u + 0.5 * stem.width_px > maps.width() as f64 - 0.5;
-    let reach = BORDER_PX + 0.5 * stem.width_px;
+    let reach = 2.0 + 0.5 * stem.width_px;
     let steps = (0..=reach.ceil() as usize).map(|step| end + down * step as f64);
     outside || steps.into_iter().any(|v| join::hiding(maps, &stem.line, v) >= HIDING)
 }

@@ -76,7 +76,10 @@ impl Stem {
             let mut gap = 0;
             for row in rows {
                 match measure_row(plane, &line, row, width).filter(is_pole) {
-                    Some(centre) => (gap, _) = (0, found.push(centre)),
+                    Some(centre) => {
+                        gap = 0;
+                        found.push(centre);
+                    }
                     None => gap += 1,
                 }
                 if gap > END_GAP_ROWS {
@@ -148,6 +151,21 @@ impl Stem {
     pub(super) fn residual_px(&self) -> f64 {
         let squares: f64 = self.centres.iter().map(|c| (c.u_px - self.line.at(c.v_px)).powi(2)).sum();
         (squares / self.centres.len().max(1) as f64).sqrt() * self.line.across()
+    }
+
+    /// Whether the network loses the pole slowly towards an end instead of
+    /// seeing it end: there it goes on behind a fence or in front of
+    /// something like it. `rows` start at that end.
+    pub(super) fn fades<'a>(&self, mut rows: impl Iterator<Item = &'a Centre>, end_v_px: f64) -> bool {
+        const FULL: f64 = 0.75;
+        // A mask is as soft at its ends as at its sides, about the stride of
+        // the network's last layers; and feet stand in grass and shadow.
+        const SOFT_ROWS: f64 = 6.0;
+        const SOFT_SHARE: f64 = 0.12;
+        let peak = |c: &Centre| c.mass / c.width_px;
+        let full = FULL * median(self.centres.iter().map(peak));
+        let soft = SOFT_ROWS.max(self.width_px).max(SOFT_SHARE * self.rows());
+        rows.find(|c| peak(c) >= full).is_some_and(|c| (c.v_px - end_v_px).abs() > soft)
     }
 
     /// Rows between its ends.

@@ -101,6 +101,15 @@ fn ends_at_the_border_or_at_a_sign_are_cut() {
 }
 
 #[test]
+fn an_end_that_fades_is_cut() {
+    let mut maps = empty();
+    let pole = bar((100.0, 40.0), (100.0, 200.0), 6.0);
+    draw(&mut maps, Class::Pole, |u, v| pole(u, v) * (1.0 - (v - 120.0) / 80.0).clamp(0.0, 1.0));
+    let [pole] = poles(&maps)[..] else { panic!() };
+    assert!(pole.lower_is_cut && !pole.upper_is_cut, "{pole:?}");
+}
+
+#[test]
 fn poles_come_from_left_to_right_and_the_same_every_time() {
     let mut maps = empty();
     for u in [300.0, 50.0, 180.0] {

@@ -2,7 +2,7 @@
 
 use common::map::SignKind;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point2, Point3, Vector3};
 use parry3d::transformation::try_convex_hull;
 use serde::{Deserialize, Serialize};
 
@@ -19,11 +19,17 @@ pub struct SignConfig {
     pub lowest_m: f64,
     /// Points nearer than this to each other are one sign, metres.
     pub join_m: f64,
+    /// Least share of bright points among all that the same scans have in the
+    /// box around them: on a wall only some stones are bright.
+    pub least_bright_share: f64,
     /// Fewest bright points.
     pub fewest_points: usize,
     /// Fewest scans that saw it bright at the same place: what moves is seen
     /// once at each place.
     pub fewest_scans: usize,
+    /// Largest share of the lidar's own motion that a cluster may follow: the
+    /// plate of a vehicle ahead moves along.
+    pub largest_following: f64,
     /// Smallest extent, metres.
     pub smallest_m: f64,
     /// Largest extent, metres: larger ones are hoardings and shop fronts.
@@ -35,14 +41,16 @@ pub struct SignConfig {
 impl Default for SignConfig {
     fn default() -> Self {
         Self {
-            least_reflectance: 0.8,
+            least_reflectance: 0.7,
             lowest_m: 1.2,
             join_m: 0.35,
-            fewest_points: 6,
+            least_bright_share: 0.4,
+            fewest_points: 10,
             fewest_scans: 2,
+            largest_following: 0.2,
             smallest_m: 0.2,
             largest_m: 2.5,
-            thickest_m: 0.15,
+            thickest_m: 0.2,
         }
     }
 }
@@ -69,7 +77,12 @@ pub fn find_signs(cloud: &Cloud, config: &SignConfig) -> Vec<FoundSign> {
         .iter()
         .filter(|p| p.reflectance >= config.least_reflectance && f64::from(p.height_m) >= config.lowest_m)
         .collect();
-    clusters(&bright, config.join_m).iter().filter_map(|c| sign(c, config)).collect()
+    clusters(&bright, config.join_m)
+        .iter()
+        .filter(|c| bright_share(c, cloud) >= config.least_bright_share)
+        .filter(|c| following(c, cloud) <= config.largest_following)
+        .filter_map(|c| sign(c, config))
+        .collect()
 }
 
 /// Groups of points joined by steps of at most `join_m`.
@@ -102,6 +115,43 @@ fn clusters<'a>(points: &[&'a CloudPoint], join_m: f64) -> Vec<Vec<&'a CloudPoin
     }
     groups
 }
+
+/// Share of bright points in the box around a cluster, in its own scans.
+fn bright_share(cluster: &[&CloudPoint], cloud: &Cloud) -> f64 {
+    let (mut low, mut high) = (cluster[0].position, cluster[0].position);
+    for p in cluster {
+        low = low.inf(&p.position);
+        high = high.sup(&p.position);
+    }
+    let mut scans: Vec<u16> = cluster.iter().map(|p| p.scan).collect();
+    scans.sort_unstable();
+    scans.dedup();
+    let inside = cloud
+        .near(&Point2::new(f64::midpoint(low.x, high.x), f64::midpoint(low.z, high.z)))
+        .filter(|p| p.position >= low && p.position <= high)
+        .filter(|p| scans.binary_search(&p.scan).is_ok())
+        .count();
+    cluster.len() as f64 / inside.max(1) as f64
+}
+
+/// Motion of a cluster between its first and its last scan along the lidar's
+/// own motion, over that motion; 0 where the lidar hardly moved.
+fn following(cluster: &[&CloudPoint], cloud: &Cloud) -> f64 {
+    let scans = cluster.iter().map(|p| p.scan);
+    let (Some(first), Some(last)) = (scans.clone().min(), scans.max()) else { return 0.0 };
+    let centre = |scan: u16| {
+        let of: Vec<Vector3<f64>> = cluster.iter().filter(|p| p.scan == scan).map(|p| p.position.coords).collect();
+        of.iter().sum::<Vector3<f64>>() / of.len() as f64
+    };
+    let driven = cloud.sensor_map[usize::from(last)] - cloud.sensor_map[usize::from(first)];
+    if driven.norm() < LEAST_DRIVEN_M {
+        return 0.0;
+    }
+    (centre(last) - centre(first)).dot(&driven) / driven.norm_squared()
+}
+
+/// Motion of the lidar over which a moving object can be told, metres.
+const LEAST_DRIVEN_M: f64 = 0.8;
 
 fn sign(points: &[&CloudPoint], config: &SignConfig) -> Option<FoundSign> {
     let mut scans: Vec<u16> = points.iter().map(|p| p.scan).collect();

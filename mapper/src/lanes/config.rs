@@ -27,6 +27,9 @@ pub struct LaneConfig {
     pub half_line_m: f64,
     /// Length of the bins in which paint is counted along a line, metres.
     pub bin_m: f64,
+    /// Least share of paint among the road points of a bin that is painted:
+    /// half a bin's width is beside the line, and beams miss worn paint.
+    pub least_bright_share: f64,
     /// Least share of a window's bins with paint: a dash of 3 m in 12 m.
     pub least_painted: f64,
     /// Largest share of paint points beside the line over those on it: more
@@ -36,6 +39,8 @@ pub struct LaneConfig {
     pub shortest_m: f64,
     /// Fewest dashes of a dashed line: an arrow or a letter is one blot.
     pub fewest_dashes: usize,
+    /// Shortest dash, metres of painted bins: the shortest in use are 1.5 m.
+    pub shortest_dash_m: f64,
     /// Largest root mean square lateral distance of paint from its line, metres.
     pub largest_spread_m: f64,
     /// Longest gap joined within one line, metres: the longest dash gap in
@@ -47,6 +52,9 @@ pub struct LaneConfig {
     pub apart_m: f64,
     /// Lateral tolerance of the polyline, metres.
     pub tolerance_m: f64,
+    /// Tolerance of the heights of the polyline, metres: at 10 m it is half a
+    /// pixel's worth of the camera's height.
+    pub height_tolerance_m: f64,
     /// Half length over which the line is smoothed, metres.
     pub smooth_m: f64,
 }
@@ -63,15 +71,18 @@ impl Default for LaneConfig {
             largest_angle_rad: 0.1,
             half_line_m: 0.12,
             bin_m: 0.5,
+            least_bright_share: 0.2,
             least_painted: 0.2,
             largest_clutter: 0.5,
             shortest_m: 10.0,
             fewest_dashes: 3,
+            shortest_dash_m: 1.5,
             largest_spread_m: 0.06,
             longest_gap_m: 13.0,
             solid_share: 0.7,
             apart_m: 0.4,
             tolerance_m: 0.03,
+            height_tolerance_m: 0.06,
             smooth_m: 4.0,
         }
     }

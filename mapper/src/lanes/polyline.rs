@@ -78,11 +78,12 @@ fn piece(bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> Option<LanePiece> 
     }
     let solid = share >= config.solid_share;
     // A bin between two painted ones may have been missed by the beams: a gap
-    // is at least a metre.
+    // is at least a metre, and a dash is longer than a blot.
     let dashes = (0..bins.len())
         .filter(|i| bins[*i].offset_m.is_some())
         .collect::<Vec<_>>()
         .chunk_by(|a, b| (b - a) as f64 * config.bin_m <= 1.0)
+        .filter(|dash| dash.len() as f64 * config.bin_m >= config.shortest_dash_m)
         .count();
     if !solid && dashes < config.fewest_dashes {
         return None;
@@ -102,15 +103,11 @@ fn piece(bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> Option<LanePiece> 
     if spread_m > config.largest_spread_m {
         return None;
     }
-    let points: Vec<(f64, Point3<f64>)> = places
-        .iter()
-        .filter_map(|p| {
-            let at = cloud.path.beside(p.station_m, p.offset_m);
-            let height = cloud.ground.height_m(&Point2::new(at.x, at.z))?;
-            Some((p.station_m, Point3::new(at.x, -height, at.z)))
-        })
-        .collect();
-    let kept = simplify(&points.iter().map(|p| p.1).collect::<Vec<_>>(), config.tolerance_m);
+    let points = on_ground(&places, cloud, config);
+    // Heights count less than sideways errors: scaled, one tolerance serves both.
+    let scale = config.tolerance_m / config.height_tolerance_m;
+    let scaled: Vec<Point3<f64>> = points.iter().map(|(_, p)| Point3::new(p.x, p.y * scale, p.z)).collect();
+    let kept = simplify(&scaled, config.tolerance_m);
     if kept.len() < 2 {
         return None;
     }
@@ -122,32 +119,50 @@ fn piece(bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> Option<LanePiece> 
     })
 }
 
+/// Places beside the path put on the ground, its height smoothed along the
+/// line like its course; where no ground was seen the line has no height.
+fn on_ground(places: &[PathPoint], cloud: &Cloud, config: &LaneConfig) -> Vec<(f64, Point3<f64>)> {
+    let at: Vec<(f64, Point3<f64>)> =
+        places.iter().map(|p| (p.station_m, cloud.path.beside(p.station_m, p.offset_m))).collect();
+    let seen: Vec<(f64, f64)> = at
+        .iter()
+        .filter_map(|(s, p)| {
+            let here = Point2::new(p.x, p.z);
+            let height = cloud.ground.height_m(&here)?;
+            cloud.ground.is_seen(&here).then_some((*s, height))
+        })
+        .collect();
+    at.into_iter()
+        .filter_map(|(s, p)| {
+            let height = local_line(&seen, s, 2.0 * config.smooth_m)?;
+            Some((s, Point3::new(p.x, -height, p.z)))
+        })
+        .collect()
+}
+
+/// Value at `at` of the straight line through the samples `(place, value)`
+/// within `half` of it; none where fewer than five are near.
+fn local_line(samples: &[(f64, f64)], at: f64, half: f64) -> Option<f64> {
+    let near: Vec<(f64, f64)> = samples.iter().map(|(t, v)| (t - at, *v)).filter(|(t, _)| t.abs() <= half).collect();
+    if near.len() < 5 {
+        return None;
+    }
+    let n = near.len() as f64;
+    let (mt, mv) = near.iter().fold((0.0, 0.0), |s, p| (s.0 + p.0 / n, s.1 + p.1 / n));
+    let (tt, tv) = near.iter().fold((0.0, 0.0), |s, p| (s.0 + (p.0 - mt).powi(2), s.1 + (p.0 - mt) * (p.1 - mv)));
+    // One squared window of prior on a level line.
+    Some(mv - tv / (tt + half * half) * mt)
+}
+
 /// Local straight line through the painted bins around a station; the window
 /// widens over gaps.
 fn smoothed(bins: &[Bin], station_m: f64, config: &LaneConfig) -> Option<f64> {
-    let mut half = config.smooth_m;
-    for _ in 0..4 {
-        let near: Vec<(f64, f64)> = bins
-            .iter()
-            .filter_map(|b| Some((b.station_m - station_m, b.offset_m?)))
-            .filter(|(t, _)| t.abs() <= half)
-            .collect();
-        if near.len() >= 5 {
-            let n = near.len() as f64;
-            let (mt, mo) = near.iter().fold((0.0, 0.0), |s, p| (s.0 + p.0 / n, s.1 + p.1 / n));
-            let (tt, to) =
-                near.iter().fold((0.0, 0.0), |s, p| (s.0 + (p.0 - mt).powi(2), s.1 + (p.0 - mt) * (p.1 - mo)));
-            // One squared window of prior on a line along the path.
-            let slope = to / (tt + half * half);
-            return Some(mo - slope * mt);
-        }
-        half *= 2.0;
-    }
-    None
+    let painted: Vec<(f64, f64)> = bins.iter().filter_map(|b| Some((b.station_m, b.offset_m?))).collect();
+    [1.0, 2.0, 4.0, 8.0].iter().find_map(|wider| local_line(&painted, station_m, config.smooth_m * wider))
 }
 
 /// Douglas and Peucker (1973): indices of the vertices that describe a
-/// polyline within a tolerance, metres; heights count like sideways errors.
+/// polyline within a tolerance, metres.
 pub fn simplify(points: &[Point3<f64>], tolerance_m: f64) -> Vec<usize> {
     if points.len() < 3 {
         return (0..points.len()).collect();

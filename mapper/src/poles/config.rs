@@ -18,6 +18,9 @@ pub struct PoleConfig {
     /// Outer radius of the ring that must be free, metres: a pole stands free
     /// of walls and hedges by at least this much.
     pub ring_outer_m: f64,
+    /// Points in the ring over those in the core from which on a slice counts
+    /// as hindered: stray echoes and misplaced scans leave some.
+    pub largest_clutter: f64,
     /// Least length of the free part of a pole, metres: a delineator is 0.8 m
     /// high, its lowest slices hidden in grass.
     pub least_free_m: f64,
@@ -33,9 +36,13 @@ pub struct PoleConfig {
     pub inlier_m: f64,
     /// Usual tilt of a pole, radians: holds the slope of short ones.
     pub usual_tilt_rad: f64,
-    /// Usual radius of a post, metres: holds the radius of those seen from
-    /// one side only.
-    pub usual_radius_m: f64,
+    /// Least radius, metres.
+    pub thinnest_m: f64,
+    /// Largest radius, metres: thicker things are no poles.
+    pub thickest_m: f64,
+    /// How well the width of a pole tells how far its surface lies before its
+    /// axis, metres, one standard deviation.
+    pub surface_sigma_m: f64,
     /// Farthest scan from which a pole is expected to be hit, metres.
     pub farthest_m: f64,
     /// Least share of the expected points: fewer mean that a hedge or a fence
@@ -53,11 +60,20 @@ pub struct PoleConfig {
     /// Fewest scans that must have hit it: one scan's edge of a passing car
     /// is no pole.
     pub fewest_scans: usize,
-    /// Least share of a pole's length that is free.
+    /// Least share of a post's length that is free: signs and boxes hang on it.
     pub least_free_share: f64,
+    /// The same for what is thicker than a post: else it is a banner, a person
+    /// or a corner of something.
+    pub least_free_share_thick: f64,
+    /// Largest radius of a post, metres.
+    pub post_radius_m: f64,
     /// Share of a cylinder of 1 m radius above the upper end that is filled
     /// by the crown of a tree.
     pub crown_share: f64,
+    /// Lowest top, metres above ground: grass and stones are lower.
+    pub lowest_top_m: f64,
+    /// Least free length of a pole that does not reach the ground, metres.
+    pub least_free_hanging_m: f64,
     /// Top of a delineator or bollard at most, metres above ground.
     pub delineator_top_m: f64,
     /// Top of a lamp post at least, metres above ground.
@@ -81,22 +97,29 @@ impl Default for PoleConfig {
             core_radius_m: 0.2,
             ring_inner_m: 0.35,
             ring_outer_m: 0.7,
+            largest_clutter: 0.3,
             least_free_m: 0.6,
             largest_tilt_rad: 0.175,
-            largest_spread_m: 0.1,
+            largest_spread_m: 0.085,
             noise_m: 0.04,
             inlier_m: 0.2,
-            usual_tilt_rad: 0.03,
-            usual_radius_m: 0.06,
+            usual_tilt_rad: 0.04,
+            thinnest_m: 0.03,
+            thickest_m: 0.35,
+            surface_sigma_m: 0.02,
             farthest_m: 40.0,
             least_visibility: 0.15,
             longest_gap_m: 0.8,
             highest_foot_m: 2.0,
             foot_m: 0.6,
-            fewest_points: 12,
+            fewest_points: 9,
             fewest_scans: 2,
-            least_free_share: 0.25,
+            least_free_share: 0.35,
+            least_free_share_thick: 0.6,
+            post_radius_m: 0.12,
             crown_share: 0.015,
+            lowest_top_m: 0.75,
+            least_free_hanging_m: 1.1,
             delineator_top_m: 1.5,
             lamp_top_m: 4.5,
             open_lamp_top_m: 2.8,

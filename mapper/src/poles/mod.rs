@@ -40,13 +40,19 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
 }
 
 fn is_pole(pole: &FittedPole, config: &PoleConfig) -> bool {
+    let free_share = pole.free_m / (pole.top_height_m - pole.foot_height_m);
+    let least_share =
+        if pole.radius_m <= config.post_radius_m { config.least_free_share } else { config.least_free_share_thick };
+    let least_free_m = if pole.foot_height_m > 0.0 { config.least_free_hanging_m } else { config.least_free_m };
     pole.tilt_rad() <= config.largest_tilt_rad
         && pole.spread_m <= config.largest_spread_m
+        && pole.radius_m <= config.thickest_m
         && pole.scans >= config.fewest_scans
         && pole.foot_height_m <= config.highest_foot_m
         && pole.visibility >= config.least_visibility
-        && pole.free_m >= config.least_free_m
-        && pole.free_m >= config.least_free_share * (pole.top_height_m - pole.foot_height_m)
+        && pole.top_height_m >= config.lowest_top_m
+        && pole.free_m >= least_free_m
+        && free_share >= least_share
 }
 
 fn kind_of(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> PoleKind {

@@ -1,7 +1,8 @@
-//! Columns of a fine grid with their occupied slices as bits, and the
+//! Columns of a fine grid with the points in them, slice by slice, and the
 //! isolated vertical stacks among them.
 
 use nalgebra::Point2;
+use rayon::prelude::*;
 
 use super::PoleConfig;
 use crate::cloud::CloudPoint;
@@ -10,10 +11,13 @@ use crate::grid::Grid;
 /// Slices per column: the bits of a word.
 const SLICES: usize = 64;
 
-/// Occupancy of columns of the ground plane, slice by slice.
+/// The standing points, sorted by column of the ground plane.
 pub struct Stacks {
     grid: Grid,
-    occupied: Vec<u64>,
+    /// Slice of each point.
+    slices: Vec<u8>,
+    /// Where each column begins in `slices`.
+    starts: Vec<u32>,
     lowest_m: f64,
     slice_m: f64,
 }
@@ -47,6 +51,18 @@ const FREE: f64 = 1.0;
 const HINDERED: f64 = -0.7;
 const EMPTY: f64 = -0.35;
 
+/// Cells of a disc or a ring around a cell, as steps in x and z.
+fn around(inner_m: f64, outer_m: f64, cell_m: f64) -> Vec<(isize, isize)> {
+    let reach = (outer_m / cell_m).ceil() as isize;
+    (-reach..=reach)
+        .flat_map(|dz| (-reach..=reach).map(move |dx| (dx, dz)))
+        .filter(|(dx, dz)| {
+            let r = ((dx * dx + dz * dz) as f64).sqrt() * cell_m;
+            r >= inner_m && r <= outer_m
+        })
+        .collect()
+}
+
 impl Stacks {
     /// Bins the points that stand on the ground.
     pub fn new(points: &[CloudPoint], within: &Grid, config: &PoleConfig) -> Self {
@@ -55,60 +71,57 @@ impl Stacks {
             within.origin.y + within.cell_m * within.height as f64,
         );
         let grid = Grid::covering(within.origin, high, config.column_m);
-        let mut occupied = vec![0_u64; grid.len()];
-        for p in points {
+        let place = |p: &CloudPoint| {
             let slice = (f64::from(p.height_m) - config.lowest_m) / config.slice_m;
             // NaN heights fail both comparisons.
-            if slice >= 0.0
-                && slice < SLICES as f64
-                && let Some(i) = grid.index(&Point2::new(p.position.x, p.position.z))
-            {
-                occupied[i] |= 1 << slice as u32;
+            (slice >= 0.0 && slice < SLICES as f64)
+                .then(|| grid.index(&Point2::new(p.position.x, p.position.z)))
+                .flatten()
+                .map(|column| (column, slice as u8))
+        };
+        let mut starts = vec![0_u32; grid.len() + 1];
+        points.iter().filter_map(place).for_each(|(c, _)| starts[c + 1] += 1);
+        for i in 1..starts.len() {
+            starts[i] += starts[i - 1];
+        }
+        let mut next = starts.clone();
+        let mut slices = vec![0_u8; starts.last().map_or(0, |n| *n as usize)];
+        for (column, slice) in points.iter().filter_map(place) {
+            slices[next[column] as usize] = slice;
+            next[column] += 1;
+        }
+        Self { grid, slices, starts, lowest_m: config.lowest_m, slice_m: config.slice_m }
+    }
+
+    fn column(&self, index: usize) -> &[u8] {
+        &self.slices[self.starts[index] as usize..self.starts[index + 1] as usize]
+    }
+
+    /// Points per slice in the cells around a cell.
+    fn count(&self, (x, z): (usize, usize), steps: &[(isize, isize)]) -> [u32; SLICES] {
+        let mut counts = [0_u32; SLICES];
+        for (dx, dz) in steps {
+            let (cx, cz) = (x as isize + dx, z as isize + dz);
+            let inside = cx >= 0 && cz >= 0 && (cx as usize) < self.grid.width && (cz as usize) < self.grid.height;
+            if inside {
+                for s in self.column(cz as usize * self.grid.width + cx as usize) {
+                    counts[usize::from(*s)] += 1;
+                }
             }
         }
-        Self { grid, occupied, lowest_m: config.lowest_m, slice_m: config.slice_m }
+        counts
     }
 
     /// The isolated stacks, best first, none within the ring of a better one
     /// at the same height.
     pub fn find(&self, config: &PoleConfig) -> Vec<Stack> {
-        let core = self.offsets(0.0, config.core_radius_m);
-        let ring = self.offsets(config.ring_inner_m, config.ring_outer_m);
-        let reach = (config.ring_outer_m / self.grid.cell_m).ceil() as usize;
-        let least = config.least_free_m / config.slice_m;
-        let mut found: Vec<(usize, Stack)> = Vec::new();
-        for z in reach..self.grid.height.saturating_sub(reach) {
-            for x in reach..self.grid.width.saturating_sub(reach) {
-                let centre = z * self.grid.width + x;
-                if self.occupied[centre] == 0 {
-                    continue;
-                }
-                let any = |offsets: &[isize]| {
-                    offsets.iter().fold(0_u64, |bits, o| bits | self.occupied[(centre as isize + o) as usize])
-                };
-                let filled = any(&core);
-                if f64::from(filled.count_ones()) < least {
-                    continue;
-                }
-                let hindered = any(&ring);
-                let (score, low, high) = best_run(filled, hindered);
-                if score >= least {
-                    let height = |slice: usize| self.lowest_m + slice as f64 * self.slice_m;
-                    // Ties between neighbours go to the fuller column.
-                    let fuller = f64::from(self.occupied[centre].count_ones()) * 1e-3;
-                    found.push((
-                        centre,
-                        Stack {
-                            centre: self.grid.centre(centre),
-                            low_m: height(low),
-                            high_m: height(high + 1),
-                            score: score + fuller,
-                            free: filled & !hindered,
-                        },
-                    ));
-                }
-            }
-        }
+        let core = around(0.0, config.core_radius_m, self.grid.cell_m);
+        let ring = around(config.ring_inner_m, config.ring_outer_m, self.grid.cell_m);
+        let mut found: Vec<(usize, Stack)> = (0..self.grid.len())
+            .into_par_iter()
+            .filter(|i| self.starts[*i] != self.starts[*i + 1])
+            .filter_map(|i| Some((i, self.stack_at(i, &core, &ring, config)?)))
+            .collect();
         found.sort_by(|a, b| b.1.score.total_cmp(&a.1.score).then(a.0.cmp(&b.0)));
         let mut kept: Vec<Stack> = Vec::new();
         for (_, stack) in found {
@@ -124,44 +137,50 @@ impl Stacks {
         kept
     }
 
+    fn stack_at(
+        &self,
+        index: usize,
+        core: &[(isize, isize)],
+        ring: &[(isize, isize)],
+        config: &PoleConfig,
+    ) -> Option<Stack> {
+        let cell = (index % self.grid.width, index / self.grid.width);
+        let least = config.least_free_m / config.slice_m;
+        let inside = self.count(cell, core);
+        let bits = |f: &dyn Fn(usize) -> bool| (0..SLICES).filter(|s| f(*s)).fold(0_u64, |bits, s| bits | 1 << s);
+        let filled = bits(&|s| inside[s] > 0);
+        if f64::from(filled.count_ones()) < least {
+            return None;
+        }
+        let outside = self.count(cell, ring);
+        let allowed = |s: usize| config.largest_clutter * f64::from(inside[s]);
+        let hindered = bits(&|s| f64::from(outside[s]) > allowed(s));
+        let (score, low, high) = best_run(filled, hindered);
+        let height = |slice: usize| self.lowest_m + slice as f64 * self.slice_m;
+        // Ties between neighbours go to the fuller column.
+        let fuller = self.column(index).len() as f64 * 1e-6;
+        (score >= least).then(|| Stack {
+            centre: self.grid.centre(index),
+            low_m: height(low),
+            high_m: height(high + 1),
+            score: score + fuller,
+            free: filled & !hindered,
+        })
+    }
+
     /// Share of the voxels of an upright cylinder that are occupied; heights
     /// above ground.
     pub fn filled_share(&self, at: &Point2<f64>, heights_m: std::ops::Range<f64>, radius_m: f64) -> f64 {
         let Some((x, z)) = self.grid.cell(at) else { return 0.0 };
-        let slice = |h: f64| ((h - self.lowest_m) / self.slice_m).clamp(0.0, SLICES as f64) as u32;
-        let (low, high) = (slice(heights_m.start), slice(heights_m.end));
-        if high <= low {
-            return 0.0;
-        }
-        let mask = (u64::MAX >> (64 - (high - low))) << low;
-        let reach = (radius_m / self.grid.cell_m).ceil() as isize;
-        let (mut filled, mut all) = (0_u32, 0_u32);
-        for dz in -reach..=reach {
-            for dx in -reach..=reach {
-                let (cx, cz) = (x as isize + dx, z as isize + dz);
-                let inside = cx >= 0 && cz >= 0 && (cx as usize) < self.grid.width && (cz as usize) < self.grid.height;
-                if inside && dx * dx + dz * dz <= reach * reach {
-                    let i = cz as usize * self.grid.width + cx as usize;
-                    filled += (self.occupied[i] & mask).count_ones();
-                    all += high - low;
-                }
-            }
-        }
-        f64::from(filled) / f64::from(all.max(1))
-    }
-
-    fn offsets(&self, inner_m: f64, outer_m: f64) -> Vec<isize> {
-        let reach = (outer_m / self.grid.cell_m).ceil() as isize;
-        let mut offsets = Vec::new();
-        for dz in -reach..=reach {
-            for dx in -reach..=reach {
-                let r = ((dx * dx + dz * dz) as f64).sqrt() * self.grid.cell_m;
-                if r >= inner_m && r <= outer_m {
-                    offsets.push(dz * self.grid.width as isize + dx);
-                }
-            }
-        }
-        offsets
+        let slice = |h: f64| ((h - self.lowest_m) / self.slice_m).clamp(0.0, SLICES as f64) as usize;
+        let wanted = slice(heights_m.start)..slice(heights_m.end);
+        let steps = around(0.0, radius_m, self.grid.cell_m);
+        let filled: usize = steps
+            .iter()
+            .map(|step| self.count((x, z), std::slice::from_ref(step)))
+            .map(|counts| counts[wanted.clone()].iter().filter(|n| **n > 0).count())
+            .sum();
+        filled as f64 / (steps.len() * wanted.len()).max(1) as f64
     }
 }
 

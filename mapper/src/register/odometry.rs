@@ -35,6 +35,9 @@ pub struct VerticalAngleConfig {
     pub estimate: bool,
     /// The angle by which points are raised where it is not estimated, radians.
     pub fixed_rad: f64,
+    /// Distance between the scans compared, metres: over less, the ground is
+    /// seen by the same beams and bends the same way.
+    pub spacing_m: f64,
     /// Number of motions that the estimate is taken from.
     pub motions: usize,
     /// Largest angle believed, radians: more is no calibration error.
@@ -46,12 +49,12 @@ pub struct VerticalAngleConfig {
 
 impl Default for VerticalAngleConfig {
     fn default() -> Self {
-        Self { estimate: true, fixed_rad: 0.0, motions: 20, largest_rad: 0.009, significance: 3.0 }
+        Self { estimate: true, fixed_rad: 0.0, spacing_m: 5.0, motions: 20, largest_rad: 0.009, significance: 3.0 }
     }
 }
 
 /// What the refinement estimated and what it gave.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Report {
     /// Angle by which the lidar's points were raised, radians.
     pub vertical_angle_rad: f64,
@@ -169,13 +172,29 @@ fn pitch_differences(drive: &Drive, frames: &[usize], motions: &[Motion]) -> Vec
         .collect()
 }
 
+/// Stitched frames at least `spacing_m` apart, from the first on.
+fn spaced_frames(drive: &Drive, settings: &VerticalAngleConfig) -> Vec<usize> {
+    let mut frames: Vec<usize> = Vec::new();
+    for &f in &drive.frames {
+        let far = frames.last().is_none_or(|last| {
+            let step = drive.survey[f].translation.vector - drive.survey[*last].translation.vector;
+            step.norm() >= settings.spacing_m
+        });
+        if far && frames.len() <= settings.motions {
+            frames.push(f);
+        }
+    }
+    frames
+}
+
 /// Trial angle of the secant, radians: of the size of real calibration errors.
 const TRIAL_RAD: f64 = 0.0035;
 
 /// The angle by which the lidar's points must be raised, radians.
 fn vertical_angle(drive: &Drive, config: &RefineConfig) -> Result<f64> {
     let settings = &config.vertical_angle;
-    let frames = &drive.frames[..drive.frames.len().min(settings.motions + 1)];
+    let frames = spaced_frames(drive, settings);
+    let frames = frames.as_slice();
     if !settings.estimate || frames.len() < 4 {
         return Ok(settings.fixed_rad);
     }

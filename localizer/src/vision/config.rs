@@ -54,7 +54,8 @@ pub struct PoleConfig {
     pub max_residual_px: f64,
     /// The same as a share of the width; the larger one holds.
     pub max_residual_width_share: f64,
-    /// Share of the rows between its ends in which a pole must be seen.
+    /// Share of the rows between its ends in which a piece of a pole must be
+    /// seen.
     pub min_coverage: f64,
     /// Longest gap between two pieces of one pole, as a share of the longer
     /// piece. A gap that signs or lights fill may be of any length.

@@ -53,14 +53,13 @@ fn joined(upper: &Stem, lower: &Stem, gap: f64, maps: &ProbabilityMaps, config: 
     both.centres.sort_by(|a, b| a.v_px.total_cmp(&b.v_px));
     both.centres.dedup_by(|a, b| a.v_px - b.v_px < 0.5);
     both.fit()?;
-    let covered = both.coverage() >= config.min_coverage || is_hidden(upper, lower, maps) || gap <= longer;
     // Each piece must lie on the joint line: the longer one alone would carry
     // a shorter one that stands beside it.
     let lies_on_it = |stem: &Stem| {
         let off: f64 = stem.centres.iter().map(|c| c.u_px - both.line.at(c.v_px)).sum();
         (off / stem.centres.len().max(1) as f64).abs() <= limit
     };
-    (covered && both.residual_px() <= limit && lies_on_it(upper) && lies_on_it(lower)).then_some(both)
+    (both.residual_px() <= limit && lies_on_it(upper) && lies_on_it(lower)).then_some(both)
 }
 
 /// Whether signs or lights fill most of the gap between two pieces.

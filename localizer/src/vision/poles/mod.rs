@@ -13,7 +13,7 @@ use crate::features::LineFeature;
 
 use super::config::PoleConfig;
 use super::regions::{self, Growth};
-use super::{Class, ProbabilityMaps};
+use super::{Class, Plane, ProbabilityMaps};
 use stem::Stem;
 
 /// Pieces shorter than this share of the shortest pole are not even joined.
@@ -21,13 +21,13 @@ const PIECE: f64 = 0.5;
 
 /// The poles of an image, from left to right.
 pub fn extract(maps: &ProbabilityMaps, config: &PoleConfig) -> Vec<LineFeature> {
-    let mut stems = join::join(stems(maps, config), maps, config);
+    let mut stems = join::join(stems(maps.plane(Class::Pole), config), maps, config);
+    stems.retain(|stem| is_pole(stem, config));
     stems.sort_by(|a, b| a.line.u_px.total_cmp(&b.line.u_px));
-    stems.iter().filter(|stem| is_pole(stem, config)).map(|stem| feature(stem, maps, config)).collect()
+    stems.iter().map(|stem| feature(stem, maps, config)).collect()
 }
 
-fn stems(maps: &ProbabilityMaps, config: &PoleConfig) -> Vec<Stem> {
-    let plane = maps.plane(Class::Pole);
+fn stems(plane: &Plane, config: &PoleConfig) -> Vec<Stem> {
     let min_rows = (PIECE * config.min_length_px).max(3.0);
     let growth = Growth { threshold: config.threshold, seed: config.seed, min_area_px: min_rows as usize };
     let mut stems = Vec::new();
@@ -38,7 +38,9 @@ fn stems(maps: &ProbabilityMaps, config: &PoleConfig) -> Vec<Stem> {
             ransac::remove(&mut centres, &support.line, support.rows);
             let Some(stem) = Stem::measure(plane, support.line, support.rows, support.width_px) else { continue };
             ransac::remove(&mut centres, &stem.line, (stem.upper_v_px, stem.lower_v_px));
-            keep_longer(&mut stems, stem);
+            if stem.coverage() >= config.min_coverage {
+                keep_longer(&mut stems, stem);
+            }
         }
     }
     stems

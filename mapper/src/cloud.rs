@@ -1,6 +1,7 @@
 //! The stitched cloud of one stretch of road.
 
 use nalgebra::{Point2, Point3};
+use rayon::prelude::*;
 
 use crate::config::Config;
 use crate::drive::Drive;
@@ -8,7 +9,7 @@ use crate::error::Result;
 use crate::grid::Grid;
 use crate::ground::Ground;
 use crate::lanes::contrasts;
-use crate::path::{Path, PathPlace};
+use crate::path::{Path, PathIndex, PathPlace};
 use crate::register::Registration;
 
 /// A point of the stitched cloud.
@@ -50,6 +51,8 @@ pub struct Cloud {
     pub ground: Ground,
     /// The driven path.
     pub path: Path,
+    /// Its places, for points of the cloud.
+    pub path_index: PathIndex,
     /// Position of the lidar in each stitched scan, map frame, metres.
     pub sensor_map: Vec<Point3<f64>>,
     /// The stitched scans.
@@ -107,8 +110,11 @@ impl Cloud {
             map_from_camera[first..=last].iter().map(|p| p.translation.vector.into()).collect();
         let path = Path::new(&centres, config.beyond_m);
         let grid = grid_around(&path, config.half_width_m, ground_config.cell_m);
-        let near: Vec<bool> =
-            (0..grid.len()).map(|i| path.place(&grid.centre(i)).offset_m.abs() < config.half_width_m).collect();
+        let path_index = PathIndex::new(&path, &grid);
+        let near: Vec<bool> = (0..grid.len())
+            .map(|i| path_index.place(&path, &grid.centre(i)))
+            .map(|place| place.is_some_and(|p| p.offset_m.abs() < config.half_width_m))
+            .collect();
         let range = config.min_range_m..config.max_range_m;
         let mut points = Vec::new();
         let mut sensor_map = Vec::new();
@@ -157,12 +163,12 @@ impl Cloud {
             },
         )?;
         let ground = Ground::grow(points.iter().map(|p| p.position), &path, grid, ground_config);
-        for p in &mut points {
+        points.par_iter_mut().for_each(|p| {
             let at = Point2::new(p.position.x, p.position.z);
             p.height_m = ground.height_m(&at).map_or(f32::NAN, |g| (-p.position.y - g) as f32);
-        }
+        });
         let (starts, by_cell) = index_standing(&points, &ground, ground_config.thickness_m as f32);
-        Ok(Self { points, ground, path, sensor_map, scans, by_cell, starts })
+        Ok(Self { points, ground, path, path_index, sensor_map, scans, by_cell, starts })
     }
 
     /// Points whose column is within `radius_m` (at most one cell of the
@@ -184,7 +190,8 @@ impl Cloud {
 
     /// Where a point lies beside the path.
     pub fn place(&self, p: &Point3<f64>) -> PathPlace {
-        self.path.place(&Point2::new(p.x, p.z))
+        let at = Point2::new(p.x, p.z);
+        self.path_index.place(&self.path, &at).unwrap_or_else(|| self.path.place(&at))
     }
 }
 

@@ -1,6 +1,10 @@
 //! The driven path on the ground plane: station along it, offset beside it.
 
+use std::ops::Range;
+
 use nalgebra::{Point2, Point3, Vector2};
+
+use crate::grid::Grid;
 
 /// A place relative to the path: `station_m` along it from its first vertex,
 /// `offset_m` to the right of it.
@@ -88,26 +92,31 @@ impl Path {
 
     /// The place of a point given by its map (x, z).
     pub fn place(&self, p: &Point2<f64>) -> PathPlace {
-        let mut best = (f64::INFINITY, PathPlace { station_m: 0.0, offset_m: 0.0, direction: Vector2::new(0.0, 1.0) });
-        for (i, w) in self.vertices.windows(2).enumerate() {
-            let (a, b) = (ground(&w[0]), ground(&w[1]));
-            let length = (b - a).norm();
+        self.place_among(p, 0..self.vertices.len() - 1).0
+    }
+
+    /// The nearest place on some of the segments, and the segment.
+    fn place_among(&self, p: &Point2<f64>, segments: Range<usize>) -> (PathPlace, usize) {
+        let none = PathPlace { station_m: 0.0, offset_m: 0.0, direction: Vector2::new(0.0, 1.0) };
+        let mut best = (f64::INFINITY, none, 0);
+        for i in segments {
+            let (a, b) = (ground(&self.vertices[i]), ground(&self.vertices[i + 1]));
+            let length = self.stations_m[i + 1] - self.stations_m[i];
             let direction = (b - a) / length;
             let along = (p - a).dot(&direction).clamp(0.0, length);
-            let foot = a + direction * along;
-            let distance = (p - foot).norm_squared();
+            let distance = (p - (a + direction * along)).norm_squared();
             if distance < best.0 {
                 // Right of (dx, dz) seen from above, y down: (dz, -dx).
                 let right = Vector2::new(direction.y, -direction.x);
                 let place = PathPlace {
                     station_m: self.stations_m[i] + along,
-                    offset_m: (p - foot).norm().copysign((p - a).dot(&right)),
+                    offset_m: distance.sqrt().copysign((p - a).dot(&right)),
                     direction,
                 };
-                best = (distance, place);
+                best = (distance, place, i);
             }
         }
-        best.1
+        (best.1, best.2)
     }
 
     /// Point of the path at a station (camera height), map frame, metres, and
@@ -124,6 +133,30 @@ impl Path {
     pub fn beside(&self, station_m: f64, offset_m: f64) -> Point3<f64> {
         let (p, direction) = self.at(station_m);
         Point3::new(p.x + direction.y * offset_m, p.y, p.z - direction.x * offset_m)
+    }
+}
+
+/// The path's places by cell of a grid, for clouds of points: only the
+/// segments near that of a cell's centre are looked at.
+#[derive(Debug, Clone)]
+pub struct PathIndex {
+    grid: Grid,
+    segments: Vec<u32>,
+}
+
+impl PathIndex {
+    /// Indexes a path over a grid of cells not much longer than its segments.
+    pub fn new(path: &Path, grid: &Grid) -> Self {
+        let all = 0..path.vertices.len() - 1;
+        let segments = (0..grid.len()).map(|i| path.place_among(&grid.centre(i), all.clone()).1 as u32).collect();
+        Self { grid: grid.clone(), segments }
+    }
+
+    /// As [`Path::place`]; none outside the grid.
+    pub fn place(&self, path: &Path, p: &Point2<f64>) -> Option<PathPlace> {
+        let segment = self.segments[self.grid.index(p)?] as usize;
+        let near = segment.saturating_sub(2)..(segment + 3).min(path.vertices.len() - 1);
+        Some(path.place_among(p, near).0)
     }
 }
 
@@ -150,6 +183,19 @@ mod tests {
             // The vertices of the polyline leave a wedge of a few centimetres.
             assert!((place.station_m - s).abs() < 0.15, "{s} {d} {place:?}");
             assert!((place.offset_m - d).abs() < 0.02, "{s} {d} {place:?}");
+        }
+    }
+
+    #[test]
+    fn the_index_finds_the_same_places() {
+        let path = bend();
+        let grid = Grid::covering(Point2::new(-20.0, -20.0), Point2::new(60.0, 70.0), 1.0);
+        let index = PathIndex::new(&path, &grid);
+        for i in 0..400 {
+            let t = f64::from(i);
+            let p = path.beside((t * 0.29) % 70.0 - 10.0, (t * 1.7) % 24.0 - 12.0);
+            let p = Point2::new(p.x, p.z);
+            assert_eq!(index.place(&path, &p), Some(path.place(&p)));
         }
     }
 

@@ -3,7 +3,7 @@
 use std::path::Path as FilePath;
 
 use common::kitti::{Scan, read_scan};
-use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
+use nalgebra::Point3;
 
 /// Points of a scan in the Velodyne frame.
 #[derive(Debug, Clone, Default)]
@@ -34,7 +34,8 @@ impl LidarScan {
         let points = if vertical_angle_rad == 0.0 {
             scan.points.iter().map(raw).collect()
         } else {
-            scan.points.iter().map(|p| raised(&raw(p), vertical_angle_rad)).collect()
+            let turn = vertical_angle_rad.sin_cos();
+            scan.points.iter().map(|p| raised(&raw(p), turn)).collect()
         };
         Self {
             points,
@@ -45,10 +46,28 @@ impl LidarScan {
     }
 }
 
-/// A point whose ray is turned up by an angle.
-fn raised(p: &Point3<f64>, angle_rad: f64) -> Point3<f64> {
-    match Unit::try_new(p.coords.cross(&Vector3::z()), 1e-9) {
-        Some(axis) => UnitQuaternion::from_axis_angle(&axis, angle_rad) * p,
-        None => *p,
+/// A point whose ray is turned up by an angle of given sine and cosine, about
+/// the horizontal axis across it.
+fn raised(p: &Point3<f64>, (sin, cos): (f64, f64)) -> Point3<f64> {
+    let level = p.x.hypot(p.y);
+    if level < 1e-9 {
+        return *p;
+    }
+    let scale = (level * cos - p.z * sin) / level;
+    Point3::new(p.x * scale, p.y * scale, p.z * cos + level * sin)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_raised_point_keeps_its_range_and_bearing() {
+        let p = Point3::new(8.0, -3.0, -1.7);
+        let q = raised(&p, 0.01_f64.sin_cos());
+        assert!((q.coords.norm() - p.coords.norm()).abs() < 1e-12);
+        assert!((q.y.atan2(q.x) - p.y.atan2(p.x)).abs() < 1e-12);
+        let elevation = |r: &Point3<f64>| (r.z / r.coords.norm()).asin();
+        assert!((elevation(&q) - elevation(&p) - 0.01).abs() < 1e-12);
     }
 }

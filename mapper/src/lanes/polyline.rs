@@ -134,17 +134,17 @@ fn on_ground(places: &[PathPoint], cloud: &Cloud, config: &LaneConfig) -> Vec<(f
         .collect();
     at.into_iter()
         .filter_map(|(s, p)| {
-            let height = local_line(&seen, s, 2.0 * config.smooth_m)?;
+            let height = local_line(&seen, s, 2.0 * config.smooth_m, 5)?;
             Some((s, Point3::new(p.x, -height, p.z)))
         })
         .collect()
 }
 
 /// Value at `at` of the straight line through the samples `(place, value)`
-/// within `half` of it; none where fewer than five are near.
-fn local_line(samples: &[(f64, f64)], at: f64, half: f64) -> Option<f64> {
+/// within `half` of it; none where fewer than `fewest` are near.
+fn local_line(samples: &[(f64, f64)], at: f64, half: f64, fewest: usize) -> Option<f64> {
     let near: Vec<(f64, f64)> = samples.iter().map(|(t, v)| (t - at, *v)).filter(|(t, _)| t.abs() <= half).collect();
-    if near.len() < 5 {
+    if near.len() < fewest {
         return None;
     }
     let n = near.len() as f64;
@@ -158,7 +158,10 @@ fn local_line(samples: &[(f64, f64)], at: f64, half: f64) -> Option<f64> {
 /// widens over gaps.
 fn smoothed(bins: &[Bin], station_m: f64, config: &LaneConfig) -> Option<f64> {
     let painted: Vec<(f64, f64)> = bins.iter().filter_map(|b| Some((b.station_m, b.offset_m?))).collect();
-    [1.0, 2.0, 4.0, 8.0].iter().find_map(|wider| local_line(&painted, station_m, config.smooth_m * wider))
+    // As much paint as a solid line has within the window; the window widens
+    // over gaps until it is found.
+    let fewest = (config.smooth_m * 1.5 / config.bin_m) as usize;
+    [1.0, 2.0, 4.0, 8.0].iter().find_map(|wider| local_line(&painted, station_m, config.smooth_m * wider, fewest))
 }
 
 /// Douglas and Peucker (1973): indices of the vertices that describe a

@@ -1,6 +1,5 @@
 //! Straight lines of paint in windows along the path.
 
-use nalgebra::Point2;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
@@ -37,7 +36,7 @@ impl Paint {
             .par_iter()
             .filter(on_road)
             .filter_map(|p| {
-                let place = cloud.path.place(&Point2::new(p.position.x, p.position.z));
+                let place = cloud.place(&p.position);
                 let bright = p.contrast.is_some_and(|c| c >= config.least_contrast);
                 (place.offset_m.abs() < config.half_width_m)
                     .then_some((PathPoint { station_m: place.station_m, offset_m: place.offset_m }, bright))

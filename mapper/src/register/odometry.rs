@@ -49,7 +49,7 @@ pub struct VerticalAngleConfig {
 
 impl Default for VerticalAngleConfig {
     fn default() -> Self {
-        Self { estimate: true, fixed_rad: 0.0, spacing_m: 5.0, motions: 20, largest_rad: 0.009, significance: 3.0 }
+        Self { estimate: true, fixed_rad: 0.0, spacing_m: 5.0, motions: 8, largest_rad: 0.009, significance: 3.0 }
     }
 }
 

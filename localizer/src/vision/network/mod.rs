@@ -149,7 +149,7 @@ impl Scores {
             Layout::Nchw => (height * width, 1),
             Layout::Nhwc => (1, channels),
         };
-        Ok(Self { values: tensor.to_vec(), channels, size: (width, height), strides })
+        Ok(Self { values: tensor.into_data(), channels, size: (width, height), strides })
     }
 
     /// The summed probability of some channels, per pixel, row by row.

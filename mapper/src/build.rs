@@ -15,7 +15,8 @@ use crate::roads::{Stretch, road, stretches};
 use crate::signs::find_signs;
 
 /// Where the poses of a build come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum PoseSource {
     /// The survey's poses, refined by registering the scans.
     #[default]

@@ -1,6 +1,6 @@
 //! A drive to build a map from: its scans, its survey and its calibration.
 
-use std::path::Path as FilePath;
+use std::path::{Path as FilePath, PathBuf};
 
 use common::geometry::Pose;
 use common::kitti::Sequence;
@@ -74,6 +74,11 @@ impl Drive {
     /// Name of the drive, for people.
     pub fn name(&self) -> String {
         format!("kitti {}", self.sequence.name())
+    }
+
+    /// The file of a scan.
+    pub fn scan_path(&self, frame: usize) -> PathBuf {
+        self.sequence.scan_path(frame)
     }
 
     /// Reads one scan.

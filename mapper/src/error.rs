@@ -1,6 +1,6 @@
 //! What can go wrong while a map is built.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Result of the mapper's functions.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -42,4 +42,31 @@ pub enum Error {
         /// What the writer says.
         reason: String,
     },
+    /// A file beside a map that is no report of its build.
+    #[error("{}: {source}; it is no report of `mapper build`: build the map again, or remove the file", path.display())]
+    BadReport {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong in it.
+        source: serde_json::Error,
+    },
+    /// A result that has no JSON form.
+    #[error("the result cannot be printed as JSON: {0}")]
+    Json(serde_json::Error),
+    /// Threads that the operating system does not give.
+    #[error("{threads} threads could not be started: {reason}; give a smaller --threads")]
+    Threads {
+        /// How many were asked for.
+        threads: usize,
+        /// What the operating system says.
+        reason: String,
+    },
+}
+
+impl Error {
+    /// For `map_err`: what is wrong with a report, together with its file.
+    pub fn report(path: &Path) -> impl FnOnce(serde_json::Error) -> Self {
+        let path = path.to_path_buf();
+        move |source| Self::BadReport { path, source }
+    }
 }

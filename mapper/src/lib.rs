@@ -6,17 +6,22 @@
 //! and [`roads`] cuts the drive into the stretches that they belong to.
 
 pub mod build;
+pub mod cli;
 pub mod cloud;
 pub mod config;
+pub mod draw;
 pub mod drive;
 pub mod error;
+pub mod export;
 pub mod grid;
 pub mod ground;
+pub mod inspect;
 pub mod lanes;
 pub mod lidar;
 pub mod path;
 pub mod poles;
 pub mod register;
+pub mod report;
 pub mod roads;
 pub mod scan;
 pub mod signs;

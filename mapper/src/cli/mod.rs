@@ -1,0 +1,131 @@
+//! The command line.
+
+mod build;
+mod usage;
+mod views;
+
+use std::ffi::OsString;
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+
+use crate::error::Result;
+
+/// Exit status after a check that says no.
+const FAILED: u8 = 1;
+/// Exit status after a wrong command line or input.
+const USAGE: u8 = 2;
+
+/// Builds compact semantic maps from lidar scans, and shows what is in them.
+#[derive(Debug, Parser)]
+#[command(name = "mapper", version, about)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Build a map from the scans and the survey of a drive.
+    Build(build::Build),
+    /// Say what is in a map, which bytes it takes, and how it was built.
+    Inspect(Inspect),
+    /// Say how large a map is; exit with 1 if it is over the budget.
+    Size(Size),
+    /// Print a map as text, one landmark per line.
+    Ascii(MapFile),
+    /// Draw a map from above.
+    Draw(Draw),
+}
+
+#[derive(Debug, Args)]
+struct MapFile {
+    /// The map.
+    #[arg(value_name = "MAP.csm")]
+    map: PathBuf,
+}
+
+#[derive(Debug, Args)]
+struct Inspect {
+    #[command(flatten)]
+    file: MapFile,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+struct Size {
+    #[command(flatten)]
+    file: MapFile,
+    /// Most bytes that the map may have.
+    #[arg(long, value_name = "BYTES")]
+    budget: usize,
+}
+
+#[derive(Debug, Args)]
+struct Draw {
+    #[command(flatten)]
+    file: MapFile,
+    /// The picture to write.
+    #[arg(long, value_name = "MAP.svg")]
+    out: PathBuf,
+}
+
+/// How a command ended that met no error.
+enum Outcome {
+    /// What was asked for is done.
+    Done,
+    /// What was checked is not as it should be.
+    Failed,
+}
+
+/// Runs the command line (program name first) and says how it went: 0; 1 if a
+/// check says no; or 2 after a wrong command line or input, with one line on
+/// the error stream.
+pub fn run<I, T>(args: I) -> ExitCode
+where
+    I: IntoIterator<Item = T>,
+    T: Into<OsString> + Clone,
+{
+    let cli = match Cli::try_parse_from(args) {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version come this way too; nobody is left to tell
+            // where printing fails.
+            let _ = error.print();
+            return ExitCode::from(if error.use_stderr() { USAGE } else { 0 });
+        }
+    };
+    let outcome = match &cli.command {
+        Command::Build(arguments) => arguments.run(),
+        Command::Inspect(arguments) => views::inspect(&arguments.file.map, arguments.json),
+        Command::Size(arguments) => views::size(&arguments.file.map, arguments.budget),
+        Command::Ascii(arguments) => views::ascii(&arguments.map),
+        Command::Draw(arguments) => views::draw(&arguments.file.map, &arguments.out),
+    };
+    match outcome {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::Failed) => ExitCode::from(FAILED),
+        Err(error) => {
+            // As with `print`: whoever closed the stream does not want it.
+            let _ = writeln!(std::io::stderr(), "error: {error}");
+            ExitCode::from(USAGE)
+        }
+    }
+}
+
+/// Prints to the standard output. A reader that went away (`mapper ascii ..
+/// | head`) is no error.
+fn print(text: &str) {
+    let _ = std::io::stdout().write_all(text.as_bytes());
+}
+
+/// Prints a value as JSON.
+fn print_json<T: serde::Serialize>(value: &T) -> Result<()> {
+    let text = serde_json::to_string_pretty(value).map_err(crate::Error::Json)?;
+    print(&(text + "\n"));
+    Ok(())
+}

@@ -1,0 +1,144 @@
+//! What a build did, written beside its map: `04.build.json` for `04.csm`.
+
+use std::path::{Path, PathBuf};
+
+use common::atomic_file;
+use serde::{Deserialize, Serialize};
+
+use crate::build::PoseSource;
+use crate::cloud::StitchedScan;
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::register;
+
+/// What a build did. It depends on the input and the settings only, so the
+/// same build writes the same bytes: times and memory are not in it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BuildReport {
+    /// Length of the map file, bytes.
+    pub map_bytes: usize,
+    /// Checksum of the map file: tells whether this is its report.
+    pub map_crc32c: u32,
+    /// Where the poses come from.
+    pub poses: PoseSource,
+    /// Frames of the drive, stitched or not.
+    pub frames: usize,
+    /// The scans that were stitched.
+    pub scans: ScanCounts,
+    /// What the refinement of the poses estimated and what it gave.
+    pub registration: register::Report,
+    /// All settings.
+    pub config: Config,
+}
+
+/// Points of the stitched scans.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScanCounts {
+    /// Number of scans.
+    pub scans: usize,
+    /// First stitched frame.
+    pub first_frame: usize,
+    /// Last stitched frame.
+    pub last_frame: usize,
+    /// Points that could be used.
+    pub points: usize,
+    /// Points dropped because a value of theirs is not finite.
+    pub dropped_not_finite: usize,
+    /// Points dropped because they are no returns or too far away.
+    pub dropped_out_of_range: usize,
+}
+
+impl ScanCounts {
+    /// Adds a scan that was not added before; by ascending frame.
+    pub fn add(&mut self, scan: &StitchedScan) {
+        if self.scans == 0 {
+            self.first_frame = scan.frame;
+        }
+        self.last_frame = scan.frame;
+        self.scans += 1;
+        self.points += scan.points;
+        self.dropped_not_finite += scan.dropped_not_finite;
+        self.dropped_out_of_range += scan.dropped_out_of_range;
+    }
+}
+
+/// Where the report of a map lies.
+pub fn path_beside(map: &Path) -> PathBuf {
+    map.with_extension("build.json")
+}
+
+/// The checksum at the end of a map file; 0 where the file is shorter.
+pub fn checksum(map_bytes: &[u8]) -> u32 {
+    map_bytes.last_chunk().map_or(0, |bytes| u32::from_le_bytes(*bytes))
+}
+
+/// Writes the report beside its map and returns where.
+///
+/// # Errors
+/// As [`atomic_file::write`].
+pub fn write_beside(map: &Path, report: &BuildReport) -> Result<PathBuf> {
+    let path = path_beside(map);
+    let mut text = serde_json::to_string_pretty(report).map_err(Error::report(&path))?;
+    text.push('\n');
+    atomic_file::write(&path, text.as_bytes())?;
+    Ok(path)
+}
+
+/// The report of a map, if one lies beside it and is about these very bytes.
+///
+/// # Errors
+/// [`Error::BadReport`] where the file beside the map is no report,
+/// [`common::Error::Io`] where it cannot be read.
+pub fn read_beside(map: &Path, map_bytes: &[u8]) -> Result<Option<BuildReport>> {
+    let path = path_beside(map);
+    let text = match std::fs::read(&path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        read => read.map_err(common::Error::io(&path))?,
+    };
+    let report: BuildReport = serde_json::from_slice(&text).map_err(Error::report(&path))?;
+    let is_its = report.map_bytes == map_bytes.len() && report.map_crc32c == checksum(map_bytes);
+    Ok(is_its.then_some(report))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(map_bytes: &[u8]) -> BuildReport {
+        let mut scans = ScanCounts::default();
+        for frame in [5, 10] {
+            scans.add(&StitchedScan { frame, points: 100, dropped_not_finite: 1, dropped_out_of_range: 2 });
+        }
+        BuildReport {
+            map_bytes: map_bytes.len(),
+            map_crc32c: checksum(map_bytes),
+            poses: PoseSource::Refine,
+            frames: 11,
+            scans,
+            registration: register::Report { vertical_angle_rad: 0.1, ..register::Report::default() },
+            config: Config::default(),
+        }
+    }
+
+    #[test]
+    fn a_report_belongs_to_the_bytes_of_one_map() {
+        let folder = tempfile::tempdir().unwrap();
+        let map = folder.path().join("04.csm");
+        assert_eq!(read_beside(&map, b"some map").unwrap(), None);
+        let written = report(b"some map");
+        assert_eq!(write_beside(&map, &written).unwrap(), folder.path().join("04.build.json"));
+        assert_eq!(read_beside(&map, b"some map").unwrap(), Some(written));
+        assert_eq!(read_beside(&map, b"some mop").unwrap(), None);
+        std::fs::write(path_beside(&map), "{}").unwrap();
+        assert!(read_beside(&map, b"some map").unwrap_err().to_string().contains("04.build.json"));
+    }
+
+    #[test]
+    fn counts_add_up() {
+        let counts = report(b"").scans;
+        assert_eq!((counts.scans, counts.first_frame, counts.last_frame), (2, 5, 10));
+        assert_eq!((counts.points, counts.dropped_not_finite, counts.dropped_out_of_range), (200, 2, 4));
+    }
+}

@@ -84,11 +84,7 @@ pub(super) fn straight_line(points: &[Point2<f64>]) -> Option<StraightLine> {
         if high - low < 1.0 {
             return None;
         }
-        line = Some(StraightLine {
-            residual_px: (squares / points.len() as f64).sqrt(),
-            length_px: high - low,
-            ..new
-        });
+        line = Some(StraightLine { residual_px: (squares / points.len() as f64).sqrt(), length_px: high - low, ..new });
     }
     line
 }

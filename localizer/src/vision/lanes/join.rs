@@ -75,7 +75,8 @@ impl Ends {
         };
         let (ahead, back) = (out.off_px(&nearer.far.at_px).abs(), into.off_px(&self.near.at_px).abs());
         let bend = out.direction.angle(&into.direction);
-        let allowed_bend = config.max_bend_deg.to_radians() + out.direction_noise_rad(config) + into.direction_noise_rad(config);
+        let allowed_bend =
+            config.max_bend_deg.to_radians() + out.direction_noise_rad(config) + into.direction_noise_rad(config);
         let fits = ahead <= allowed(out) && back <= allowed(into) && bend <= allowed_bend;
         fits.then_some(length + 5.0 * (ahead + back))
     }

@@ -44,8 +44,7 @@ fn feature(track: &Track, size: (f64, f64), config: &LaneConfig) -> Option<LaneF
         const BORDER_PX: f64 = 2.5;
         p.x.min(p.y).min(size.0 - 1.0 - p.x).min(size.1 - 1.0 - p.y) < BORDER_PX.max(0.5 * width_px)
     };
-    let probability =
-        track.points.iter().map(|p| p.probability).sum::<f64>() / track.points.len().max(1) as f64;
+    let probability = track.points.iter().map(|p| p.probability).sum::<f64>() / track.points.len().max(1) as f64;
     let line = LineFeature {
         upper_px,
         lower_px,

@@ -36,7 +36,9 @@ fn flat_and_steep_lines_have_their_centres() {
         let [lane] = &lanes(&maps)[..] else { panic!("{a:?} {:?}", lanes(&maps)) };
         let line = lane.line.line().unwrap();
         let tilt = line.direction().perp(&(Point2::new(b.0, b.1) - Point2::new(a.0, a.1)).normalize()).abs();
-        assert!(tilt < 0.002 && line.signed_distance_px(&Point2::new(0.5 * (a.0 + b.0), 0.5 * (a.1 + b.1))).abs() < 0.1);
+        assert!(
+            tilt < 0.002 && line.signed_distance_px(&Point2::new(0.5 * (a.0 + b.0), 0.5 * (a.1 + b.1))).abs() < 0.1
+        );
         assert!((lane.line.width_px - 7.0).abs() < 0.7, "{:?}", lane.line);
     }
 }

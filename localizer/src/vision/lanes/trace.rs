@@ -41,9 +41,8 @@ pub(super) fn trace(plane: &Plane, region: &Region, min_piece_px: f64) -> Vec<Tr
     let along_rows = tracks(follow(plane, &region.runs), min_piece_px, |c| point(c.u_px, c.v_px, c, false));
     let (flipped, (left, top)) = transposed(plane, region);
     // All that is left in the copy is this region.
-    let along_columns = tracks(follow(&flipped, &runs(&flipped, 1)), min_piece_px, |c| {
-        point(left + c.v_px, top + c.u_px, c, true)
-    });
+    let along_columns =
+        tracks(follow(&flipped, &runs(&flipped, 1)), min_piece_px, |c| point(left + c.v_px, top + c.u_px, c, true));
     let explained = |tracks: &[Track]| tracks.iter().map(explained_px).sum::<f64>();
     if explained(&along_columns) > explained(&along_rows) { along_columns } else { along_rows }
 }

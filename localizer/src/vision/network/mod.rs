@@ -49,8 +49,7 @@ impl Network {
         let path = path.as_ref();
         let mut bytes = std::fs::read(path).map_err(common::Error::io(path))?;
         denormals::flush(&mut bytes);
-        let model =
-            Model::load(bytes).map_err(|e| Error::LoadNetwork { path: path.into(), message: e.to_string() })?;
+        let model = Model::load(bytes).map_err(|e| Error::LoadNetwork { path: path.into(), message: e.to_string() })?;
         let signature = Signature::of(&model);
         let description = path.with_extension("toml");
         let spec = if description.exists() {
@@ -129,11 +128,8 @@ struct Scores {
 
 impl Scores {
     fn new(outputs: Vec<Value>, layout: Layout) -> Result<Self, String> {
-        let tensor: Tensor<f32> = outputs
-            .into_iter()
-            .next()
-            .and_then(Value::into_tensor)
-            .ok_or("its output holds no 32-bit floats")?;
+        let tensor: Tensor<f32> =
+            outputs.into_iter().next().and_then(Value::into_tensor).ok_or("its output holds no 32-bit floats")?;
         let shape = tensor.shape().to_vec();
         let [1, a, b, c] = shape[..] else {
             return Err(format!("its output has shape {shape:?} where 1 image of 3 axes is needed"));
@@ -155,7 +151,10 @@ impl Scores {
     /// The summed probability of some channels, per pixel, row by row.
     fn probabilities(&self, wanted: &[usize], activation: Activation) -> Result<Vec<f32>, String> {
         if let Some(channel) = wanted.iter().find(|&&channel| channel >= self.channels) {
-            return Err(format!("its output has {} channels and the description names channel {channel}", self.channels));
+            return Err(format!(
+                "its output has {} channels and the description names channel {channel}",
+                self.channels
+            ));
         }
         let (channel_stride, pixel_stride) = self.strides;
         let at = |pixel: usize, channel: usize| self.values[pixel * pixel_stride + channel * channel_stride];

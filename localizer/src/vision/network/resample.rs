@@ -79,9 +79,9 @@ pub(super) fn to_input(image: &RgbImage, view: &View, spec: &NetworkSpec) -> Vec
             let (gain, bias) = spec.gain_and_bias(channel);
             let at = y * width * pixel + channel * plane;
             let outputs = input.iter_mut().skip(at).step_by(pixel).take(width);
-            let seen = columns.iter().map(|tap| {
-                lerp(blended[3 * tap.first + from], blended[3 * tap.second + from], tap.share)
-            });
+            let seen = columns
+                .iter()
+                .map(|tap| lerp(blended[3 * tap.first + from], blended[3 * tap.second + from], tap.share));
             for (out, value) in outputs.zip(seen.chain(std::iter::repeat(0.0))) {
                 *out = value * gain + bias;
             }

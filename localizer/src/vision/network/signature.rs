@@ -51,7 +51,9 @@ impl Signature {
             Layout::Nhwc => (c, a, b),
         };
         if batch > 1 || (channels != 3 && channels != 0) {
-            return Err(format!("with this `layout` the input takes {batch} images of {channels} channels where 1 of 3 is needed"));
+            return Err(format!(
+                "with this `layout` the input takes {batch} images of {channels} channels where 1 of 3 is needed"
+            ));
         }
         let size = (size_of("width", spec.width, width)?, size_of("height", spec.height, height)?);
         if let &[_, a, _, c] = output_shape {

@@ -145,7 +145,10 @@ impl NetworkSpec {
     /// What is wrong with it by itself, in words.
     pub(super) fn contradiction(&self) -> Option<String> {
         let usable = |v: &f64| v.is_finite() && *v > 0.0;
-        if !usable(&self.scale) || !self.std.iter().all(usable) || !self.mean.iter().chain(&self.shift_px).all(|v| v.is_finite()) {
+        if !usable(&self.scale)
+            || !self.std.iter().all(usable)
+            || !self.mean.iter().chain(&self.shift_px).all(|v| v.is_finite())
+        {
             return Some("`scale` and `std` must be positive numbers, `mean` and `shift_px` finite".into());
         }
         if Class::ALL.iter().all(|&class| self.classes.of(class).is_empty()) {
@@ -194,7 +197,8 @@ mod tests {
     #[test]
     fn contradictions_are_told() {
         assert!(NetworkSpec::default().contradiction().unwrap().contains("`classes`"));
-        let spec = NetworkSpec { std: [1.0, 0.0, 1.0], ..NetworkSpec::known("lane_probability", &[1, 1, 4, 4]).unwrap() };
+        let spec =
+            NetworkSpec { std: [1.0, 0.0, 1.0], ..NetworkSpec::known("lane_probability", &[1, 1, 4, 4]).unwrap() };
         assert!(spec.contradiction().unwrap().contains("`std`"));
     }
 }

@@ -86,7 +86,10 @@ fn activations_make_probabilities_of_logits() {
 #[test]
 fn an_undescribed_network_is_told_where_to_be_described() {
     let error = Folder::new().network("scores", [1, 3, 4, 8], None).err().unwrap().to_string();
-    assert!(error.contains("scores 1x3x4x8") && error.contains("describe it in") && error.contains("tiny.toml"), "{error}");
+    assert!(
+        error.contains("scores 1x3x4x8") && error.contains("describe it in") && error.contains("tiny.toml"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -4,10 +4,10 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg32;
 
 use super::stem::UprightLine;
+use crate::vision::Plane;
 use crate::vision::centre::{Centre, median};
 use crate::vision::config::PoleConfig;
 use crate::vision::regions::Region;
-use crate::vision::Plane;
 
 /// A line with the rows that support it without a larger gap.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,8 +84,7 @@ pub(super) fn best_line(centres: &[Centre], min_rows: f64, config: &PoleConfig, 
         }
         let line = UprightLine { u_px: a.u_px, v_px: a.v_px, slope };
         // Rows count by how well they agree, not by yes or no.
-        let score: f64 =
-            centres.iter().map(|c| (1.0 - (off(c, &line) / tolerance(c, config)).powi(2)).max(0.0)).sum();
+        let score: f64 = centres.iter().map(|c| (1.0 - (off(c, &line) / tolerance(c, config)).powi(2)).max(0.0)).sum();
         if best.is_none_or(|(most, _)| score > most) {
             best = Some((score, line));
         }
@@ -114,9 +113,7 @@ fn tolerance(centre: &Centre, config: &PoleConfig) -> f64 {
 /// pole that happens to be in line; whether it is the same is decided later.
 fn stretch(centres: &[Centre], line: UprightLine, config: &PoleConfig) -> Option<Support> {
     let near: Vec<&Centre> = centres.iter().filter(|c| off(c, &line) <= tolerance(c, config)).collect();
-    let longest = near
-        .chunk_by(|a, b| b.v_px - a.v_px <= MAX_HOLE_ROWS)
-        .max_by_key(|chunk| chunk.len())?;
+    let longest = near.chunk_by(|a, b| b.v_px - a.v_px <= MAX_HOLE_ROWS).max_by_key(|chunk| chunk.len())?;
     Some(Support {
         line,
         rows: (longest.first()?.v_px, longest.last()?.v_px),

@@ -67,8 +67,7 @@ impl Stem {
     fn collect(&mut self, plane: &Plane) {
         let (line, width) = (self.line, self.width_px);
         let (first, last) = (self.upper_v_px.round().max(0.0) as usize, self.lower_v_px.round().max(0.0) as usize);
-        let mut centres: Vec<Centre> =
-            (first..=last).filter_map(|row| measure_row(plane, &line, row, width)).collect();
+        let mut centres: Vec<Centre> = (first..=last).filter_map(|row| measure_row(plane, &line, row, width)).collect();
         let usual = median(centres.iter().map(|c| c.mass));
         let is_pole = |centre: &Centre| centre.mass >= FAINT * usual;
         let follow = |rows: &mut dyn Iterator<Item = usize>| {

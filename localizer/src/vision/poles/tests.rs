@@ -34,14 +34,18 @@ fn the_centre_line_of_a_slanted_bar_is_found_within_a_tenth_of_a_pixel() {
 #[test]
 fn touching_poles_are_split() {
     // Side by side with a rim between them, and leaning against each other.
-    for (a, b) in [(((100.0, 30.0), (100.0, 200.0)), ((109.0, 60.0), (109.0, 220.0))), (
-        ((150.0, 20.0), (165.0, 200.0)),
-        ((180.0, 20.0), (165.0, 200.0)),
-    )] {
+    for (a, b) in [
+        (((100.0, 30.0), (100.0, 200.0)), ((109.0, 60.0), (109.0, 220.0))),
+        (((150.0, 20.0), (165.0, 200.0)), ((180.0, 20.0), (165.0, 200.0))),
+    ] {
         let mut maps = empty();
         draw(&mut maps, Class::Pole, bar(a.0, a.1, 6.0));
         draw(&mut maps, Class::Pole, bar(b.0, b.1, 6.0));
-        draw(&mut maps, Class::Pole, |u, v| if (97.0..112.0).contains(&u) && (60.0..200.0).contains(&v) { 0.2 } else { 0.0 });
+        draw(
+            &mut maps,
+            Class::Pole,
+            |u, v| if (97.0..112.0).contains(&u) && (60.0..200.0).contains(&v) { 0.2 } else { 0.0 },
+        );
         let found = poles(&maps);
         for (from, to) in [a, b] {
             assert!(found.iter().any(|pole| off(pole, from, to) < 0.8 && pole.length_px() > 100.0), "{found:?}");
@@ -53,7 +57,11 @@ fn touching_poles_are_split() {
 fn blobs_arcs_and_leaning_bars_are_no_poles() {
     let blob = |u: f64, v: f64| (20.0 - (u - 60.0).hypot(v - 60.0)).clamp(0.0, 1.0);
     let arc = |u: f64, v: f64| (3.0 - ((u - 200.0).hypot(v - 120.0) - 70.0).abs()).clamp(0.0, 1.0);
-    for shape in [&blob as &dyn Fn(f64, f64) -> f64, &bar((50.0, 30.0), (150.0, 200.0), 5.0), &bar((20.0, 50.0), (200.0, 52.0), 5.0)] {
+    for shape in [
+        &blob as &dyn Fn(f64, f64) -> f64,
+        &bar((50.0, 30.0), (150.0, 200.0), 5.0),
+        &bar((20.0, 50.0), (200.0, 52.0), 5.0),
+    ] {
         let mut maps = empty();
         draw(&mut maps, Class::Pole, shape);
         assert!(poles(&maps).is_empty(), "{:?}", poles(&maps));

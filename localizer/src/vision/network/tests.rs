@@ -122,3 +122,33 @@ fn what_is_no_network_is_refused() {
         assert!(error.contains("broken.onnx"), "{error}");
     }
 }
+
+/// The shared folder of real data and networks, where it is.
+fn shared() -> Option<PathBuf> {
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
+    let shared = std::env::var_os("WAYMARK_DATA").map_or(beside, PathBuf::from);
+    let is_there = shared.join("models").is_dir() && shared.join("kitti").is_dir();
+    if !is_there {
+        println!("no real networks (set WAYMARK_DATA): not tested with them");
+    }
+    is_there.then_some(shared)
+}
+
+#[test]
+fn the_known_networks_need_no_description_and_find_a_real_lamp_post_and_lane() {
+    let Some(shared) = shared() else { return };
+    let networks = ["espnetv2_cityscapes_384x1248.onnx", "twinlitenet_lane_384x1248.onnx"]
+        .map(|name| Network::load(shared.join("models").join(name)).unwrap());
+    let image = crate::vision::read_png(shared.join("kitti/sequences/04/image_2/000000.png")).unwrap();
+    let maps = run_all(&networks, &image).unwrap();
+    let features = crate::vision::extract(&maps, &crate::vision::VisionConfig::default());
+    // By eye in the image: the mast beside the speed limit, and the left end
+    // of the lane's own line.
+    let column_at = |line: &crate::features::LineFeature, row: f64| {
+        let (a, b) = (line.upper_px, line.lower_px);
+        a.x + (b.x - a.x) * (row - a.y) / (b.y - a.y)
+    };
+    let near = |line: &crate::features::LineFeature, u: f64, v: f64| (column_at(line, v) - u).abs() < 2.0;
+    assert!(features.poles.iter().any(|pole| near(pole, 800.3, 100.0) && pole.length_px() > 200.0));
+    assert!(features.lanes.iter().any(|lane| near(&lane.line, 471.0, 328.0)));
+}

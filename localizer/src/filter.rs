@@ -32,11 +32,12 @@ pub struct MotionConfig {
     /// Vertical: bumps of some centimetres at 1 to 2 Hz, mounting pitch times
     /// speed.
     pub down: AxisMotion,
-    /// Forward: 2 m/s^2 in traffic, 5 while braking.
+    /// Forward: accelerations of 1 to 2 m/s^2 that last a second; hard braking
+    /// is followed through the images.
     pub forward: AxisMotion,
     /// Pitching: half a degree at 1 to 2 Hz.
     pub pitch: AxisMotion,
-    /// Turning: a corner is entered within a second at 0.3 to 0.5 rad/s.
+    /// Turning: a corner is entered within a second or two at 0.3 rad/s.
     pub yaw: AxisMotion,
     /// Rolling: as pitching.
     pub roll: AxisMotion,
@@ -48,9 +49,9 @@ impl Default for MotionConfig {
         Self {
             right: axis(0.4, 1.0),
             down: axis(0.4, 1.0),
-            forward: axis(2.0, 60.0),
+            forward: axis(1.0, 60.0),
             pitch: axis(0.08, 0.5),
-            yaw: axis(0.25, 3.0),
+            yaw: axis(0.15, 3.0),
             roll: axis(0.08, 0.5),
         }
     }

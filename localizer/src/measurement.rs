@@ -33,8 +33,8 @@ pub struct NoiseConfig {
     /// Foot of a mapped pole in height, metres: kerbs and grass hide it from
     /// the lidar. A feature may reach no lower than three of these.
     pub foot_sigma_m: f64,
-    /// Share of poles whose foot is seen where the feature ends uncut.
-    pub seen_foot: f64,
+    /// Share of poles whose foot (top) is seen where the feature ends uncut.
+    pub seen_end: f64,
     /// Least share of the shorter of segment and feature by which the two must
     /// overlap along the line.
     pub min_overlap: f64,
@@ -48,16 +48,20 @@ impl Default for NoiseConfig {
             pole_sigma_m: 0.10,
             sign_sigma_m: 0.10,
             sign_sigma_of_size: 0.10,
-            lane_sigma_m: 0.08,
-            lane_height_sigma_m: 0.06,
+            lane_sigma_m: 0.03,
+            lane_height_sigma_m: 0.03,
             calibration_sigma_px: 1.0,
             foot_sigma_m: 0.4,
-            seen_foot: 0.6,
+            seen_end: 0.6,
             min_overlap: 0.3,
             max_size_ratio: 3.0,
         }
     }
 }
+
+/// Density, against that of any other end, of a feature that reaches below the
+/// ground at the foot of its pole.
+const UNLIKELY: f64 = 0.05;
 
 /// The observations of one pair; at least two.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -150,19 +154,33 @@ impl PoleImage {
         nalgebra::center(&self.foot_map, &self.top_map)
     }
 
-    /// How much more likely the feature's lower end is for this pole than for
-    /// something else (nats): its foot may be hidden, but hardly lies deeper.
-    /// `slack_px` is the standard deviation of the pose's shift along it.
-    pub fn foot_support(&self, feature: &PreparedPole, noise: &NoiseConfig, focal_px: f64, slack_px: f64, rows_px: f64) -> f64 {
-        if feature.lower_is_cut {
-            return 0.0;
-        }
-        let foot = feature.down.dot(&(self.foot_px - feature.upper_px));
+    /// How much more likely the feature's ends are for this pole than for
+    /// something else that runs along the same line (nats).
+    ///
+    /// A foot is seen, or hidden: then the feature ends above it. A feature
+    /// that reaches into the ground is none of this pole. The mapped top is
+    /// where the lidar's rays end, so a feature may reach higher; that it ends
+    /// lower happens where the top is hidden. `slack_px` is the standard
+    /// deviation of the pose's shift along the pole, `rows_px` the stretch in
+    /// which ends of features lie.
+    pub fn ends_support(&self, feature: &PreparedPole, noise: &NoiseConfig, focal_px: f64, slack_px: f64, rows_px: f64) -> f64 {
+        let along = |p: &Point2<f64>| feature.down.dot(&(p - feature.upper_px));
         let sigma_px = (noise.foot_sigma_m * focal_px / self.foot_depth_m).hypot(slack_px).max(1.0);
-        let off = (feature.length_px - foot) / sigma_px;
-        let density = (-0.5 * off * off).exp() / (sigma_px * std::f64::consts::TAU.sqrt());
-        // Else it ends anywhere in the rows of the image that have poles.
-        (noise.seen_foot * density * rows_px + 1.0 - noise.seen_foot).ln()
+        let gaussian = |off_px: f64| {
+            let off = off_px / sigma_px;
+            (-0.5 * off * off).exp() / (sigma_px * std::f64::consts::TAU.sqrt()) * rows_px
+        };
+        let hidden = 1.0 - noise.seen_end;
+        let below_px = feature.length_px - along(&self.foot_px);
+        let foot = if feature.lower_is_cut {
+            // Cut by something in front: anywhere above the foot.
+            if below_px < 2.0 * sigma_px { 1.0 } else { UNLIKELY }
+        } else {
+            noise.seen_end * gaussian(below_px) + if below_px < 0.0 { hidden } else { UNLIKELY }
+        };
+        let short_px = -along(&self.top_px);
+        let top = if feature.upper_is_cut || short_px > -2.0 * sigma_px { 1.0 } else { hidden };
+        foot.ln() + top.ln()
     }
 
     /// The pair with a feature: the ends of the stretch along which both are

@@ -11,7 +11,7 @@ use common::geometry::Pose;
 use common::trajectory::{StampedPose, Trajectory};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 
-use crate::estimate::Status;
+use crate::estimate::{LandmarkId, Status};
 use crate::run::FrameResult;
 use crate::{Error, Result};
 
@@ -22,8 +22,8 @@ const LEADING: &str = "frame,time_s,status,x_m,y_m,z_m,qx,qy,qz,qw,poles,lanes,s
                        residual_px,support,margin,iterations,converged";
 const TIMING: &str = "frame,maps_ms,features_ms,localize_ms";
 
-/// Writes `poses.txt` (KITTI), `poses.tum`, `estimates.csv` and `timing.csv`
-/// into a folder that exists.
+/// Writes `poses.txt` (KITTI), `poses.tum`, `estimates.csv`, `matches.csv`
+/// (what was matched with what) and `timing.csv` into a folder that exists.
 ///
 /// # Errors
 /// As [`atomic_file::write`].
@@ -36,6 +36,7 @@ pub fn write(folder: &Path, results: &[FrameResult]) -> Result<()> {
     trajectory.write_kitti(folder.join("poses.txt"))?;
     trajectory.write_tum(folder.join("poses.tum"))?;
     atomic_file::write(folder.join("estimates.csv"), estimates_csv(results).as_bytes())?;
+    atomic_file::write(folder.join("matches.csv"), matches_csv(results).as_bytes())?;
     atomic_file::write(folder.join("timing.csv"), timing_csv(results).as_bytes())?;
     Ok(())
 }
@@ -87,6 +88,26 @@ fn estimates_csv(results: &[FrameResult]) -> String {
             }
         }
         text.push('\n');
+    }
+    text
+}
+
+fn matches_csv(results: &[FrameResult]) -> String {
+    let mut text = String::from("frame,semantics,landmark,feature,residual_px,weight\n");
+    for result in results {
+        for found in &result.estimate.correspondences {
+            let (semantics, landmark) = match found.landmark {
+                LandmarkId::Pole(index) => ("pole", index),
+                LandmarkId::Lane(index) => ("lane", index),
+                LandmarkId::Sign(index) => ("sign", index),
+            };
+            let (residual_px, weight) = (found.residual_px, found.weight);
+            let _ = writeln!(
+                text,
+                "{},{semantics},{landmark},{},{residual_px:.3},{weight:.4}",
+                result.frame, found.feature
+            );
+        }
     }
     text
 }

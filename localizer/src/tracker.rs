@@ -144,9 +144,16 @@ impl<'a> Tracker<'a> {
             noise: &self.config.noise,
             detection: &self.config.detection,
         };
+        let mut jumps = Vec::new();
         for hypothesis in &mut self.bank {
             hypothesis.constrain_to_path(self.map, &self.candidates.roads, &self.config.start);
-            hypothesis.observe(&scene, &mut self.associator, gps, &self.config);
+            if let Some(jump) = hypothesis.observe(&scene, &mut self.associator, gps, &self.config) {
+                let past = hypothesis.past_weight - self.config.bank.jump_cost;
+                jumps.push(Hypothesis::beside(hypothesis, &jump, past));
+            }
+        }
+        for jump in jumps {
+            self.add(jump);
         }
         self.sort();
     }
@@ -184,7 +191,8 @@ impl<'a> Tracker<'a> {
         if sure || self.prepared.is_empty() {
             return;
         }
-        let Some(rough) = self.region.as_ref().map(|region| rough_of(region, &self.config)) else { return };
+        let Some(region) = self.region.clone() else { return };
+        let rough = rough_of(&region, &self.config);
         let reach = Reach {
             position_m: self.config.start.reach_sigmas * rough.sigmas[0].hypot(rough.sigmas[2]),
             angle_rad: self.config.start.reach_sigmas * rough.sigmas[4],
@@ -209,7 +217,7 @@ impl<'a> Tracker<'a> {
         // Where nothing was tracked the past frames say nothing: 0 nats.
         let past = if self.bank.is_empty() { 0.0 } else { -self.config.bank.newcomer_cost };
         for refined in found {
-            self.add(Hypothesis::found(&refined, past, &self.config));
+            self.add(Hypothesis::found(&refined, &region, past, &self.config));
         }
         self.sort();
     }

@@ -45,6 +45,8 @@ pub struct Match {
     pub distance2: f64,
     /// Its share of the support, nats.
     pub support: f64,
+    /// What the landmark would cost unseen, nats (not above 0).
+    pub unseen: f64,
 }
 
 /// Buffers of the matching, and its result.
@@ -142,7 +144,10 @@ impl Matcher {
         let mut unseen = 0.0;
         for (candidate, &best) in self.best_of_candidate.iter().enumerate() {
             match self.pairs.get(best) {
-                Some(pair) if self.best_of_feature[pair.feature] == best => self.matches.push(pair.found),
+                Some(pair) if self.best_of_feature[pair.feature] == best => {
+                    let cost = missing(candidate);
+                    self.matches.push(Match { unseen: cost, ..pair.found });
+                }
                 _ => unseen += missing(candidate),
             }
         }
@@ -176,14 +181,16 @@ impl Matcher {
                     continue;
                 }
                 let length_px = feature.length_px.min(image.visible_length_px(scene.image));
-                let foot = image.foot_support(feature, scene.noise, focal_px, sigma.y, 0.5 * scene.image.height_px);
-                let support = probability.ln() + log_density + foot - clutter.poles_per_px2(length_px).ln();
+                let rows_px = 0.5 * scene.image.height_px;
+                let ends = image.ends_support(feature, scene.noise, focal_px, sigma.y, rows_px);
+                let support = probability.ln() + log_density + ends - clutter.poles_per_px2(length_px).ln();
                 self.offer(i, candidate, Match {
                     landmark: LandmarkId::Pole(pole.index),
                     feature: feature.index,
                     pairing,
                     distance2,
                     support,
+                    unseen: 0.0,
                 });
             }
         }
@@ -228,6 +235,7 @@ impl Matcher {
                         pairing,
                         distance2,
                         support,
+                        unseen: 0.0,
                     },
                 });
             }
@@ -267,6 +275,7 @@ impl Matcher {
                     pairing,
                     distance2,
                     support,
+                    unseen: 0.0,
                 });
             }
         }
@@ -275,6 +284,26 @@ impl Matcher {
             let seen = view.project(&sign.centroid_map).filter(|(p, _)| scene.image.contains(p, -EDGE_PX));
             seen.map_or(0.0, |(_, depth_m)| (1.0 - scene.detection.sign(sign.kind, depth_m)).ln())
         })
+    }
+
+    /// Takes back the matches that are worth less than the landmark unseen;
+    /// returns by how much the support rises.
+    pub fn drop_worthless(&mut self) -> f64 {
+        let mut gain = 0.0;
+        self.matches.retain(|found| {
+            let worthless = found.support < found.unseen;
+            if worthless {
+                gain += found.unseen - found.support;
+            }
+            !worthless
+        });
+        gain
+    }
+
+    /// What all matches together are worth, against all their landmarks
+    /// unseen, nats.
+    pub fn worth(&self) -> f64 {
+        self.matches.iter().map(|found| found.support - found.unseen).sum()
     }
 
     /// Appends the observations of all matches, grouped.

@@ -42,6 +42,9 @@ pub struct Refined {
     /// nats: what a pose pays for having been free to fit (Laplace's
     /// approximation of the evidence).
     pub occam: f64,
+    /// What the matches are worth against none, prior and freedom included,
+    /// nats: below 0 they are better not believed.
+    pub gain: f64,
     /// Matches.
     pub matches: usize,
     /// Root mean square of the matched distances, pixels.
@@ -100,6 +103,11 @@ impl Associator {
         self.previous.clear();
         for round in 0..config.max_rounds {
             self.matcher.run(scene, &solution.map_from_camera, &gate);
+            if round > 0 {
+                // The first gate is wide, and a wide gate says little for a
+                // pair; now a pair must be worth something.
+                self.matcher.drop_worthless();
+            }
             let repeated = round > 0
                 && self.previous.len() == self.matcher.matches.len()
                 && self.matcher.matches.iter().zip(&self.previous).all(|(m, p)| (m.landmark, m.feature) == *p);
@@ -117,17 +125,21 @@ impl Associator {
         }
         let covariance = solution.covariance().unwrap_or(prior_covariance);
         // Judged by its own matches, as precisely as the pose is known now.
-        let support = self.matcher.run(scene, &solution.map_from_camera, &covariance);
+        let mut support = self.matcher.run(scene, &solution.map_from_camera, &covariance);
+        support += self.matcher.drop_worthless();
         self.matcher.observations(&mut self.observations, &mut self.groups);
         let error = local(&prior.map_from_camera, &solution.map_from_camera);
         let posterior_ln = Cholesky::new(covariance).map_or(0.0, |factor| factor.ln_determinant());
         let (rms_px, mean_square) = self.residuals(scene, &solution.map_from_camera);
+        let prior_cost = 0.5 * error.dot(&(prior.information * error));
+        let occam = (0.5 * (posterior_ln + prior_factor.ln_determinant())).min(0.0);
         Some(Refined {
             map_from_camera: solution.map_from_camera,
             covariance,
             support,
-            prior_cost: 0.5 * error.dot(&(prior.information * error)),
-            occam: (0.5 * (posterior_ln + prior_factor.ln_determinant())).min(0.0),
+            prior_cost,
+            occam,
+            gain: self.matcher.worth() - prior_cost + occam,
             matches: self.matcher.matches.len(),
             rms_px,
             mean_square,

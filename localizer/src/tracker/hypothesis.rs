@@ -1,8 +1,8 @@
 //! One hypothesis: a filter, the evidence for it, and its last frame.
 
-use common::geometry::{PoseParameters, Tangent};
+use common::geometry::PoseParameters;
 use common::map::SemanticMap;
-use nalgebra::{Matrix6, Point3, Vector6};
+use nalgebra::{Matrix6, Point3};
 use serde::{Deserialize, Serialize};
 
 use crate::associate::matching::Scene;
@@ -39,8 +39,11 @@ pub struct BankConfig {
     pub newcomer_cost: f64,
     /// What a jump of the best pose pays, nats.
     pub jump_cost: f64,
-    /// Evidence against a surprising motion is bounded by this, nats: a frame
-    /// may be dropped or doubled.
+    /// Half the squared Mahalanobis distance from the prediction above which
+    /// matches are not believed: 11.2 is 99.9 % for six degrees of freedom.
+    pub max_innovation: f64,
+    /// Evidence of a GPS fix against a pose is bounded by this, nats: some
+    /// fixes are metres off.
     pub max_surprise: f64,
     /// Hypotheses nearer than this are the same, metres.
     pub alike_m: f64,
@@ -64,6 +67,7 @@ impl Default for BankConfig {
             prune_margin: 30.0,
             newcomer_cost: 5.0,
             jump_cost: 15.0,
+            max_innovation: 11.2,
             max_surprise: 8.0,
             alike_m: 0.4,
             alike_rad: 0.015,
@@ -112,18 +116,12 @@ pub struct Hypothesis {
 }
 
 impl Hypothesis {
-    /// A pose that the search found, of unknown speed.
-    pub fn found(refined: &Refined, past_weight: f64, config: &Config) -> Self {
-        let bank = &config.bank;
-        let side = bank.max_speed_m_s * bank.mounting_sigma_rad;
-        let turn = 0.3;
-        let sway = 0.05;
-        let sigmas = Vector6::new(side, side, bank.max_speed_m_s / 3.0, sway, turn, sway);
-        let velocity = Matrix6::from_diagonal(&sigmas.component_mul(&sigmas));
-        let mut hypothesis = Self::blank(
-            State::new(refined.map_from_camera, &(refined.covariance * config.robust.gate_inflation), Tangent::zeros(), &velocity),
-            past_weight,
-        );
+    /// A pose that the search found; its speed is that of the region.
+    pub fn found(refined: &Refined, region: &State, past_weight: f64, config: &Config) -> Self {
+        let velocity: Matrix6<f64> = region.covariance.fixed_view::<6, 6>(6, 6).into_owned();
+        let pose = refined.covariance * config.robust.gate_inflation;
+        let state = State::new(refined.map_from_camera, &pose, region.velocity, &velocity);
+        let mut hypothesis = Self::blank(state, past_weight);
         hypothesis.speed_is_unknown = true;
         hypothesis.take(refined, refined.prior_cost);
         hypothesis
@@ -184,23 +182,35 @@ impl Hypothesis {
             out.push(self);
             return;
         }
-        // Steps that the association bridges, over the distance driven.
+        // Steps that the association bridges, over the speeds that may be.
         let step_m_s = config.start.step_m / dt_s;
-        let steps = (config.bank.max_speed_m_s / step_m_s).ceil() as usize;
-        for i in 0..=steps {
-            let speed_m_s = i as f64 * step_m_s;
-            let mounting = (speed_m_s * config.bank.mounting_sigma_rad).max(0.3);
-            let sigmas = Vector6::new(mounting, mounting, 0.6 * step_m_s, 0.05, 0.3, 0.05);
+        let sigma_m_s = self.state.covariance[(8, 8)].max(0.0).sqrt();
+        let reach = (config.start.reach_sigmas * sigma_m_s / step_m_s - 0.5).ceil().max(0.0) as i32;
+        let speeds: Vec<f64> = (-reach..=reach)
+            .map(|i| self.state.velocity[2] + f64::from(i) * step_m_s)
+            .filter(|speed| reach == 0 || (-step_m_s..=config.bank.max_speed_m_s + step_m_s).contains(speed))
+            .collect();
+        for &speed_m_s in &speeds {
             let mut split = self.clone();
-            split.state = State::new(
-                self.state.map_from_camera,
-                &self.state.pose_covariance(),
-                Tangent::new(0.0, 0.0, speed_m_s, 0.0, 0.0, 0.0),
-                &Matrix6::from_diagonal(&sigmas.component_mul(&sigmas)),
-            )
-            .predicted(dt_s, &config.motion);
+            let off = (speed_m_s - self.state.velocity[2]) / sigma_m_s.max(1e-9);
+            // The prior of the speed, and that one of the splits is right.
+            split.past_weight -= 0.5 * off * off + ((2 * reach + 1) as f64).ln();
+            split.state.velocity[2] = speed_m_s;
+            let known = (0.6 * step_m_s).min(sigma_m_s) / sigma_m_s.max(1e-9);
+            for i in 0..12 {
+                split.state.covariance[(8, i)] *= known;
+                split.state.covariance[(i, 8)] *= known;
+            }
+            let mounting = (speed_m_s.abs() * config.bank.mounting_sigma_rad).max(0.3);
+            for i in [6, 7] {
+                let excess = (split.state.covariance[(i, i)].max(1e-12).sqrt() / mounting).max(1.0);
+                for j in 0..12 {
+                    split.state.covariance[(i, j)] /= excess;
+                    split.state.covariance[(j, i)] /= excess;
+                }
+            }
+            split.state = split.state.predicted(dt_s, &config.motion);
             split.speed_is_unknown = false;
-            split.past_weight -= ((steps + 1) as f64).ln();
             out.push(split);
         }
     }
@@ -225,19 +235,32 @@ impl Hypothesis {
         self.state.constrain(5, -own.roll_rad, start.tilt_sigma_rad);
     }
 
-    /// Associates and localizes in the scene, and weighs the result.
-    pub fn observe(&mut self, scene: &Scene<'_>, associator: &mut Associator, gps: Option<&GpsFix>, config: &Config) {
+    /// Associates and localizes in the scene, and weighs the result. Matches
+    /// that are not worth the motion that they ask for are not believed: then
+    /// the prediction stands, and the pose they ask for is returned, to be
+    /// tracked as a jump.
+    pub fn observe(&mut self, scene: &Scene<'_>, associator: &mut Associator, gps: Option<&GpsFix>, config: &Config) -> Option<Refined> {
         self.correspondences.clear();
         let covariance = self.state.pose_covariance();
         let predicted = self.state.map_from_camera;
-        let refined = Prior::new(predicted, &covariance).and_then(|prior| {
-            associator.refine(scene, &predicted, &covariance, &prior, &config.robust, &config.solver)
-        });
-        let Some(refined) = refined else { return };
-        let surprise = refined.prior_cost + gps.map_or(0.0, |fix| fix.surprise(&refined.map_from_camera));
-        self.take(&refined, surprise.min(config.bank.max_surprise));
+        let prior = Prior::new(predicted, &covariance)?;
+        let refined = associator.refine(scene, &predicted, &covariance, &prior, &config.robust, &config.solver)?;
+        let gps_surprise = |pose| gps.map_or(0.0, |fix| fix.surprise(pose)).min(config.bank.max_surprise);
+        if refined.gain < 0.0 || refined.prior_cost > config.bank.max_innovation {
+            self.mean_square = 0.0;
+            self.rms_px = 0.0;
+            self.iterations = refined.iterations;
+            self.converged = refined.converged;
+            self.support = refined.support - associator.matcher.worth();
+            self.evidence = self.support - gps_surprise(&predicted);
+            self.log_weight = self.past_weight + self.evidence;
+            self.weak_frames += 1;
+            return (refined.matches > 0).then_some(refined);
+        }
+        self.take(&refined, refined.prior_cost + gps_surprise(&refined.map_from_camera));
         self.state.update(&refined.map_from_camera, &refined.covariance);
         self.weak_frames = if refined.support < config.health.min_support { self.weak_frames + 1 } else { 0 };
         self.correspondences = associator.correspondences(scene, &refined.map_from_camera, &config.solver);
+        None
     }
 }

@@ -98,3 +98,24 @@ fn explore_search() {
         }
     }
 }
+
+#[test]
+#[ignore]
+fn explore_trace() {
+    let recipe = Recipe { false_poles: 10, missed: 0.5, ..Recipe::default() };
+    let world = World::new(recipe);
+    let index = RoadIndex::new(&world.map);
+    let config = Config::default();
+    let gps = GpsConfig::default();
+    let fixes = simulate(&world.truth[..2], &gps, 0);
+    let mut tracker = Tracker::new(&world.map, &index, &world.camera, IMAGE, &config);
+    for frame in 0..world.truth.len() {
+        let features = world.features(frame);
+        let input = FrameInput { time_s: world.time_s(frame), features: &features, gps: fixes.get(frame) };
+        let estimate = tracker.step(&input).unwrap();
+        let e = local(&world.truth[frame], &estimate.map_from_camera);
+        let b = &tracker.bank[0];
+        let s = estimate.sigmas();
+        println!("{frame} err {:.2} {:.2} {:.2} yaw {:.3} {} sup {:.1} ev {:.1} lw {:.1} age {} ms {:.2} m {} bank {} margin {:.1} sig {:.2} {:.2} v {:.1} 2nd {:?}", e[0], e[1], e[2], e[4], estimate.status, estimate.support, b.evidence, b.log_weight, b.age_frames, b.mean_square, estimate.correspondences.len(), tracker.bank.len(), estimate.margin, s[0], s[2], b.state.velocity[2], tracker.bank.get(1).map(|b| { let e = local(&world.truth[frame], &b.state.map_from_camera); format!("lw {:.1} err {:.2} {:.2}", b.log_weight, e[0], e[2]) }));
+    }
+}

@@ -1,1 +1,5 @@
-//! What the end-to-end tests share.
+//! What the demo, the scores and the end-to-end tests share.
+
+pub mod data;
+pub mod matching;
+pub mod pole_map;

@@ -32,6 +32,9 @@ pub struct PoleConfig {
     /// Noise of a hit across a pole, metres: range noise, beam width and
     /// what is left of the poses' errors.
     pub noise_m: f64,
+    /// Spread of the hits of far poles, radians: the half width of a beam and
+    /// what the poses err in heading.
+    pub beam_rad: f64,
     /// Distance within which a point belongs to the axis, metres.
     pub inlier_m: f64,
     /// Usual tilt of a pole, radians: holds the slope of short ones.
@@ -102,6 +105,7 @@ impl Default for PoleConfig {
             largest_tilt_rad: 0.175,
             largest_spread_m: 0.085,
             noise_m: 0.04,
+            beam_rad: 0.002,
             inlier_m: 0.2,
             usual_tilt_rad: 0.04,
             thinnest_m: 0.03,

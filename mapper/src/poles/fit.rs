@@ -25,7 +25,7 @@ pub struct FittedPole {
     /// Radius of the pole, metres.
     pub radius_m: f64,
     /// Root mean square horizontal distance of the points from a cylinder of
-    /// that radius, metres.
+    /// that radius, metres, beyond what the width of the beams explains.
     pub spread_m: f64,
     /// Points on the free part.
     pub points: usize,
@@ -64,6 +64,7 @@ struct Hit {
     above_ground: f64,
     from_lidar: Vector2<f64>,
     scan: u16,
+    range: f64,
 }
 
 impl Hit {
@@ -71,7 +72,14 @@ impl Hit {
         let sensor = cloud.sensor_map[usize::from(p.scan)];
         let at = Vector2::new(p.position.x, p.position.z);
         let from_lidar = (at - Vector2::new(sensor.x, sensor.z)).try_normalize(1e-6).unwrap_or_else(Vector2::y);
-        Self { at, height: -p.position.y, above_ground: f64::from(p.height_m), from_lidar, scan: p.scan }
+        Self {
+            at,
+            height: -p.position.y,
+            above_ground: f64::from(p.height_m),
+            from_lidar,
+            scan: p.scan,
+            range: f64::from(p.range_m),
+        }
     }
 }
 
@@ -208,6 +216,9 @@ pub fn fit_pole<'a>(
     }
     let axis = refine(&free, axis, config);
     let residuals: f64 = free.iter().map(|h| axis.residual(h).norm_squared()).sum();
+    let radius_m = radius_across(&free, &axis, config);
+    let beams = free.iter().map(|h| (config.beam_rad * h.range).powi(2)).sum::<f64>();
+    let explained = (SHELL_SPREAD * radius_m).powi(2) + beams / free.len() as f64;
     let mut scans: Vec<u16> = free.iter().map(|h| h.scan).collect();
     scans.sort_unstable();
     scans.dedup();
@@ -231,7 +242,6 @@ pub fn fit_pole<'a>(
         foot -= foot_height_m;
         foot_height_m = 0.0;
     }
-    let radius_m = radius_across(&free, &axis, config);
     let mid = axis.at(f64::midpoint(lowest, highest));
     let from = cloud.sensor_map.iter().map(|s| ((Vector2::new(s.x, s.z) - mid).norm(), -s.y));
     let view = View::new(from, config.farthest_m, lidar);
@@ -248,7 +258,7 @@ pub fn fit_pole<'a>(
         foot_height_m,
         top_height_m: above_ground(highest)?,
         radius_m,
-        spread_m: (residuals / free.len() as f64 - (SHELL_SPREAD * radius_m).powi(2)).max(0.0).sqrt(),
+        spread_m: (residuals / free.len() as f64 - explained).max(0.0).sqrt(),
         points: free.len(),
         scans: scans.len(),
         visibility: free.len() as f64 / expected.max(1.0),

@@ -32,6 +32,16 @@ impl Track {
     }
 }
 
+/// How much more than rows columns must explain in a region that does not lie
+/// flat. Paint ends across the road, so in the image its ends lie along rows:
+/// there the centres of rows stay on the line to the last, and those of
+/// columns run into the corners.
+const ROWS_PREFERRED: f64 = 3.0;
+
+/// Inclination below which a region lies flat, degrees: its rows are so long
+/// that each raggedness of the mask breaks them.
+const FLAT_DEG: f64 = 20.0;
+
 /// The curves of a region of at least `min_piece_px`, along its rows or along
 /// its columns, whichever explains more of it by smooth lines: rows part lines
 /// that meet at the horizon, and columns follow lines that lie flat. Where
@@ -44,7 +54,8 @@ pub(super) fn trace(plane: &Plane, region: &Region, min_piece_px: f64) -> Vec<Tr
     let along_columns =
         tracks(follow(&flipped, &runs(&flipped, 1)), min_piece_px, |c| point(left + c.v_px, top + c.u_px, c, true));
     let explained = |tracks: &[Track]| tracks.iter().map(explained_px).sum::<f64>();
-    if explained(&along_columns) > explained(&along_rows) { along_columns } else { along_rows }
+    let rows_preferred = if inclination_rad(region) < FLAT_DEG.to_radians() { 1.0 } else { ROWS_PREFERRED };
+    if explained(&along_columns) > rows_preferred * explained(&along_rows) { along_columns } else { along_rows }
 }
 
 /// Length of a curve, less where it is no straight line.
@@ -84,6 +95,24 @@ fn point(u: f64, v: f64, centre: &Centre, is_column: bool) -> TrackPoint {
         probability: centre.mass / centre.width_px,
         is_column,
     }
+}
+
+/// Angle of the region's longer axis of inertia from the image's horizontal,
+/// 0 to pi/2.
+fn inclination_rad(region: &Region) -> f64 {
+    let (mut n, mut x, mut y, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    for run in &region.runs {
+        let (length, row) = ((run.end - run.start) as f64, run.y as f64);
+        let middle = 0.5 * (run.start + run.end - 1) as f64;
+        n += length;
+        x += length * middle;
+        y += length * row;
+        xx += length * (middle * middle + (length * length - 1.0) / 12.0);
+        xy += length * middle * row;
+        yy += length * row * row;
+    }
+    let (xx, xy, yy) = (xx - x * x / n, xy - x * y / n, yy - y * y / n);
+    (0.5 * (2.0 * xy).atan2(xx - yy)).abs()
 }
 
 /// The region's bounding box with columns as rows, and its corner.

@@ -7,8 +7,8 @@ use crate::config::Config;
 use crate::drive::Drive;
 use crate::error::Result;
 use crate::grid::Grid;
-use crate::ground::Ground;
-use crate::lanes::contrasts;
+use crate::ground::{Ground, GroundConfig};
+use crate::lanes::contrast;
 use crate::path::{Path, PathIndex, PathPlace};
 use crate::register::Registration;
 
@@ -85,16 +85,42 @@ impl Default for CloudConfig {
     }
 }
 
-/// Rectangle of map (x, z) around a path.
-fn grid_around(path: &Path, half_width_m: f64, cell_m: f64) -> Grid {
-    let mut low = Point2::new(f64::INFINITY, f64::INFINITY);
-    let mut high = Point2::new(f64::NEG_INFINITY, f64::NEG_INFINITY);
-    for v in path.vertices() {
-        low = Point2::new(low.x.min(v.x), low.y.min(v.z));
-        high = Point2::new(high.x.max(v.x), high.y.max(v.z));
+/// The part of the ground plane beside a driven path.
+#[derive(Debug, Clone)]
+pub struct Corridor {
+    /// The driven path.
+    pub path: Path,
+    /// Its places, for points of a cloud.
+    pub path_index: PathIndex,
+    /// Cells of the ground's height map.
+    pub grid: Grid,
+    inside: Vec<bool>,
+}
+
+impl Corridor {
+    /// The corridor along camera centres (map frame, metres).
+    pub fn new(centres_map: &[Point3<f64>], config: &CloudConfig, cell_m: f64) -> Self {
+        let path = Path::new(centres_map, config.beyond_m);
+        let mut low = Point2::new(f64::INFINITY, f64::INFINITY);
+        let mut high = Point2::new(f64::NEG_INFINITY, f64::NEG_INFINITY);
+        for v in path.vertices() {
+            low = Point2::new(low.x.min(v.x), low.y.min(v.z));
+            high = Point2::new(high.x.max(v.x), high.y.max(v.z));
+        }
+        let margin = nalgebra::Vector2::repeat(config.half_width_m);
+        let grid = Grid::covering(low - margin, high + margin, cell_m);
+        let path_index = PathIndex::new(&path, &grid);
+        let inside = (0..grid.len())
+            .map(|i| path_index.place(&path, &grid.centre(i)))
+            .map(|place| place.is_some_and(|p| p.offset_m.abs() < config.half_width_m))
+            .collect();
+        Self { path, path_index, grid, inside }
     }
-    let margin = nalgebra::Vector2::repeat(half_width_m);
-    Grid::covering(low - margin, high + margin, cell_m)
+
+    /// Whether a point (map frame, metres) lies in a cell of the corridor.
+    pub fn contains(&self, p: &Point3<f64>) -> bool {
+        self.grid.index(&Point2::new(p.x, p.z)).is_some_and(|i| self.inside[i])
+    }
 }
 
 impl Cloud {
@@ -103,18 +129,12 @@ impl Cloud {
     /// # Errors
     /// A scan that cannot be read.
     pub fn stitch(drive: &Drive, frames: &[usize], registration: &Registration, settings: &Config) -> Result<Self> {
-        let (config, ground_config) = (&settings.cloud, &settings.ground);
+        let config = &settings.cloud;
         let map_from_camera = &registration.map_from_camera;
         let (first, last) = (frames.first().copied().unwrap_or(0), frames.last().copied().unwrap_or(0));
         let centres: Vec<Point3<f64>> =
             map_from_camera[first..=last].iter().map(|p| p.translation.vector.into()).collect();
-        let path = Path::new(&centres, config.beyond_m);
-        let grid = grid_around(&path, config.half_width_m, ground_config.cell_m);
-        let path_index = PathIndex::new(&path, &grid);
-        let near: Vec<bool> = (0..grid.len())
-            .map(|i| path_index.place(&path, &grid.centre(i)))
-            .map(|place| place.is_some_and(|p| p.offset_m.abs() < config.half_width_m))
-            .collect();
+        let corridor = Corridor::new(&centres, config, settings.ground.cell_m);
         let range = config.min_range_m..config.max_range_m;
         let mut points = Vec::new();
         let mut sensor_map = Vec::new();
@@ -124,24 +144,19 @@ impl Cloud {
             registration.report.vertical_angle_rad,
             |frame, scan| {
                 let map_from_velodyne = map_from_camera[frame] * drive.camera_from_velodyne;
-                let contrast = contrasts(&scan, &settings.lanes.contrast);
                 let stitched: Vec<CloudPoint> = scan
                     .points
                     .iter()
-                    .zip(&scan.reflectance)
-                    .zip(contrast)
-                    .filter_map(|((p, &reflectance), contrast)| {
+                    .enumerate()
+                    .filter_map(|(i, p)| {
                         let range_m = p.coords.norm();
-                        if !range.contains(&range_m) {
-                            return None;
-                        }
                         let position = map_from_velodyne * p;
-                        near[grid.index(&Point2::new(position.x, position.z))?].then_some(CloudPoint {
+                        (range.contains(&range_m) && corridor.contains(&position)).then(|| CloudPoint {
                             position,
-                            height_m: 0.0,
-                            reflectance,
+                            height_m: f32::NAN,
+                            reflectance: scan.reflectance[i],
                             range_m: range_m as f32,
-                            contrast,
+                            contrast: contrast(&scan, i, &settings.lanes.contrast),
                             scan: 0,
                         })
                     })
@@ -162,13 +177,26 @@ impl Cloud {
                 points.append(&mut stitched);
             },
         )?;
-        let ground = Ground::grow(points.iter().map(|p| p.position), &path, grid, ground_config);
+        Ok(Self::over(corridor, points, sensor_map, scans, &settings.ground))
+    }
+
+    /// The cloud of points in a corridor: grows the ground under them and
+    /// gives each its height above it.
+    pub fn over(
+        corridor: Corridor,
+        mut points: Vec<CloudPoint>,
+        sensor_map: Vec<Point3<f64>>,
+        scans: Vec<StitchedScan>,
+        config: &GroundConfig,
+    ) -> Self {
+        let Corridor { path, path_index, grid, .. } = corridor;
+        let ground = Ground::grow(points.iter().map(|p| p.position), &path, grid, config);
         points.par_iter_mut().for_each(|p| {
             let at = Point2::new(p.position.x, p.position.z);
             p.height_m = ground.height_m(&at).map_or(f32::NAN, |g| (-p.position.y - g) as f32);
         });
-        let (starts, by_cell) = index_standing(&points, &ground, ground_config.thickness_m as f32);
-        Ok(Self { points, ground, path, path_index, sensor_map, scans, by_cell, starts })
+        let (starts, by_cell) = index_standing(&points, &ground, config.thickness_m as f32);
+        Self { points, ground, path, path_index, sensor_map, scans, by_cell, starts }
     }
 
     /// Points whose column is within `radius_m` (at most one cell of the

@@ -109,6 +109,7 @@ impl Ground {
                 queue.push(Reverse((Step(cost), next, Step(height_m[cell]))));
             }
         }
+        level_hidden(&grid, &mut height_m, &seen);
         Self { grid, height_m, seen }
     }
 
@@ -141,6 +142,28 @@ impl Ground {
     }
 }
 
+/// Sweeps that carry heights across what a parked car or a hedge hides: ten
+/// cells need about their square.
+const SWEEPS: usize = 60;
+
+/// Lets the cells where no ground was seen pass smoothly between those where
+/// it was: each becomes the mean of its neighbours.
+fn level_hidden(grid: &Grid, height_m: &mut [f64], seen: &[bool]) {
+    let hidden: Vec<usize> = (0..grid.len()).filter(|i| !seen[*i] && height_m[*i].is_finite()).collect();
+    for _ in 0..SWEEPS {
+        for &cell in &hidden {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for next in grid.neighbours(cell).filter(|n| height_m[*n].is_finite()) {
+                sum += height_m[next];
+                count += 1.0;
+            }
+            if count > 0.0 {
+                height_m[cell] = sum / count;
+            }
+        }
+    }
+}
+
 /// Mean height over the lowest window of three bins that holds enough points,
 /// relative to the lowest bin, metres.
 fn lowest_supported(counts: &[u16], sums: &[f32], fewest: u32) -> Option<f64> {
@@ -168,4 +191,50 @@ fn seeds(grid: &Grid, path: &Path, camera_height: &[f64], candidate: &[Option<f6
         .filter(|(_, h)| (h - usual).abs() < 0.3)
         .map(|(cell, h)| (cell, h + camera_height[cell]))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::{CloudConfig, Corridor};
+
+    /// A road that climbs 8 % with a kerb of 0.15 m at x = 4, a wall of 3 m at
+    /// x = 8, and a car's flank at x = -3.
+    fn ground() -> Ground {
+        let centres: Vec<_> = (0..60).map(|i| Point3::new(0.0, -0.08 * f64::from(i), f64::from(i))).collect();
+        let mut points = Vec::new();
+        for z in 0..600 {
+            let z = f64::from(z) * 0.1;
+            let road = 1.65 - 0.08 * z;
+            for x in -60..=79 {
+                let x = f64::from(x) * 0.1;
+                let hidden = (-4.5..-3.0).contains(&x) && (20.0..24.0).contains(&z);
+                if !hidden {
+                    points.push(Point3::new(x, if x > 4.0 { road - 0.15 } else { road }, z));
+                }
+            }
+            for k in 0..30 {
+                points.push(Point3::new(8.0, road - f64::from(k) * 0.1, z));
+            }
+            if (20.0..24.0).contains(&z) {
+                for k in 8..15 {
+                    points.push(Point3::new(-3.5, road - f64::from(k) * 0.1, z));
+                }
+            }
+        }
+        let corridor = Corridor::new(&centres, &CloudConfig::default(), 1.0);
+        Ground::grow(points.into_iter(), &corridor.path, corridor.grid, &GroundConfig::default())
+    }
+
+    #[test]
+    fn the_ground_follows_slopes_and_kerbs_and_goes_on_under_what_stands_on_it() {
+        let ground = ground();
+        let off = |x: f64, z: f64, above: f64| ground.height_m(&Point2::new(x, z)).unwrap() - (0.08 * z - 1.65 + above);
+        assert!(off(1.0, 30.0, 0.0).abs() < 0.05);
+        assert!(off(6.0, 30.0, 0.15).abs() < 0.05);
+        assert!(off(-3.5, 22.0, 0.0).abs() < 0.15, "{}", off(-3.5, 22.0, 0.0));
+        assert!(off(8.6, 30.0, 0.15).abs() < 0.3, "{}", off(8.6, 30.0, 0.15));
+        assert!(ground.is_seen(&Point2::new(1.0, 30.0)) && !ground.is_seen(&Point2::new(12.0, 30.0)));
+        assert!(ground.height_m(&Point2::new(500.0, 0.0)).is_none());
+    }
 }

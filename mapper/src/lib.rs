@@ -27,6 +27,9 @@ pub mod scan;
 pub mod signs;
 pub mod voxel;
 
+#[cfg(test)]
+mod testing;
+
 pub use build::{Built, PoseSource, build};
 pub use config::Config;
 pub use error::{Error, Result};

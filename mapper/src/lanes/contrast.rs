@@ -31,27 +31,23 @@ impl Default for ContrastConfig {
 /// Neighbours looked at on each side.
 const SAMPLES: usize = 6;
 
-/// For each point of a scan, by how many standard deviations its reflectance
+/// By how many standard deviations the reflectance of a point of a scan
 /// exceeds that of its beam on both sides; 0 where it does not, or where the
-/// beam was interrupted; none beyond the range or above the road. Points are expected in the order of the beams, as
-/// KITTI stores them; in another order every point counts as interrupted.
-pub fn contrasts(scan: &LidarScan, config: &ContrastConfig) -> Vec<Option<f32>> {
-    let points = &scan.points;
-    (0..points.len())
-        .map(|i| {
-            let p = &points[i];
-            let range = p.coords.norm();
-            if range > config.farthest_m || p.z / range > config.highest_rad.sin() {
-                return None;
-            }
-            let (Some(left), Some(right)) = (side(scan, i, -1, config), side(scan, i, 1, config)) else {
-                return Some(0.0);
-            };
-            let over = scan.reflectance[i] - left.median.max(right.median);
-            let noise = left.spread.min(right.spread).max(config.least_noise);
-            Some((over / noise).max(0.0))
-        })
-        .collect()
+/// beam was interrupted; none beyond the range or above the road. Points are
+/// expected in the order of the beams, as KITTI stores them; in another order
+/// every point counts as interrupted.
+pub fn contrast(scan: &LidarScan, i: usize, config: &ContrastConfig) -> Option<f32> {
+    let p = &scan.points[i];
+    let range = p.coords.norm();
+    if range > config.farthest_m || p.z > range * config.highest_rad.sin() {
+        return None;
+    }
+    let (Some(left), Some(right)) = (side(scan, i, -1, config), side(scan, i, 1, config)) else {
+        return Some(0.0);
+    };
+    let over = scan.reflectance[i] - left.median.max(right.median);
+    let noise = left.spread.min(right.spread).max(config.least_noise);
+    Some((over / noise).max(0.0))
 }
 
 struct Side {
@@ -119,8 +115,8 @@ mod tests {
     #[test]
     fn a_line_stands_out_and_the_asphalt_does_not() {
         let scan = beam(0.0, 0.15);
-        let contrast = contrasts(&scan, &ContrastConfig::default());
-        for (p, c) in scan.points.iter().zip(contrast.into_iter().flatten()) {
+        for (i, p) in scan.points.iter().enumerate() {
+            let c = contrast(&scan, i, &ContrastConfig::default()).unwrap();
             if p.y > 0.0 && p.y < 0.15 {
                 assert!(c > 5.0);
             } else {
@@ -131,7 +127,8 @@ mod tests {
 
     #[test]
     fn a_bright_verge_is_no_line() {
-        let contrast = contrasts(&beam(0.0, 9.0), &ContrastConfig::default());
-        assert!(contrast.into_iter().flatten().all(|c| c < 3.0));
+        let scan = beam(0.0, 9.0);
+        let of = |i| contrast(&scan, i, &ContrastConfig::default());
+        assert!((0..scan.points.len()).filter_map(of).all(|c| c < 3.0));
     }
 }

@@ -9,6 +9,6 @@ mod windows;
 
 pub use chains::{Chain, join};
 pub use config::LaneConfig;
-pub use contrast::{ContrastConfig, contrasts};
+pub use contrast::{ContrastConfig, contrast};
 pub use polyline::{LanePiece, describe, simplify};
 pub use windows::{Paint, PathPoint, WindowLine, find_lines};

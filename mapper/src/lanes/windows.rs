@@ -192,3 +192,49 @@ fn refine(points: &[PathPoint], start: WindowLine, config: &LaneConfig) -> Windo
     line.painted = support(points, &line, config).bins;
     line
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lanes::{describe, join};
+    use crate::testing::{CAMERA_HEIGHT_M, Street};
+    use common::map::LaneKind;
+    use nalgebra::Point3;
+
+    fn paint_line(street: &mut Street, x: f64, dash_m: f64, period_m: f64) {
+        for i in 0..1500 {
+            let z = f64::from(i) * 0.04;
+            if z % period_m < dash_m {
+                let wobble = 0.04 * (f64::from(i) * 1.7).sin();
+                street.add(Point3::new(x + wobble, CAMERA_HEIGHT_M, z), (i / 150) as u16, 0.5, Some(8.0));
+            }
+        }
+    }
+
+    #[test]
+    fn solid_and_dashed_lines_are_told_apart_and_an_arrow_is_neither() {
+        let mut street = Street::new();
+        paint_line(&mut street, 1.75, 60.0, 60.0);
+        paint_line(&mut street, -1.75, 4.0, 12.0);
+        for i in 0..200 {
+            // An arrow 5 m long in the middle of the lane.
+            let (along, side) = (f64::from(i) * 0.025, f64::from(i % 7) * 0.05 - 0.15);
+            street.add(Point3::new(side, CAMERA_HEIGHT_M, 20.0 + along), 3, 0.5, Some(8.0));
+        }
+        let cloud = street.cloud();
+        let config = LaneConfig::default();
+        let paint = Paint::of(&cloud, &config);
+        let windows = find_lines(&paint, cloud.path.start_station_m(), cloud.path.end_station_m(), &config);
+        let mut pieces: Vec<_> =
+            join(&windows, &config).iter().flat_map(|c| describe(c, &paint, &cloud, &config)).collect();
+        pieces.sort_by(|a, b| a.points_map[0].x.total_cmp(&b.points_map[0].x));
+        let kinds: Vec<LaneKind> = pieces.iter().map(|p| p.kind).collect();
+        assert_eq!(kinds, [LaneKind::Dashed, LaneKind::Solid]);
+        for (piece, x) in pieces.iter().zip([-1.75, 1.75]) {
+            assert!(piece.points_map.len() <= 4, "a straight line needs no more vertices");
+            assert!(piece.points_map.iter().all(|p| (p.x - x).abs() < 0.03 && (p.y - CAMERA_HEIGHT_M).abs() < 0.03));
+            let length = piece.stations_m[piece.stations_m.len() - 1] - piece.stations_m[0];
+            assert!(length > 50.0, "{length}");
+        }
+    }
+}

@@ -69,3 +69,60 @@ fn kind_of(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> PoleKind 
         PoleKind::SignPost
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+    use crate::testing::{CAMERA_HEIGHT_M, Street};
+
+    fn found(street: Street) -> Vec<(PoleKind, FittedPole)> {
+        find_poles(&street.cloud(), &PoleConfig::default(), &LidarConfig::default())
+    }
+
+    #[test]
+    fn a_pole_seen_from_the_road_has_its_axis_and_its_foot_on_the_ground() {
+        let mut street = Street::new();
+        let foot = Point3::new(5.0, CAMERA_HEIGHT_M, 28.0);
+        let top = foot + nalgebra::Vector3::new(0.16, -4.8, 0.08);
+        street.add_cylinder(foot, top, 0.08);
+        let poles = found(street);
+        assert_eq!(poles.len(), 1);
+        let (kind, pole) = &poles[0];
+        assert_eq!(*kind, PoleKind::LampPost);
+        // One-sided hits: the mean of the points is 6 cm nearer to the road.
+        assert!((pole.foot - foot).norm() < 0.03, "{:?}", pole.foot);
+        assert!((pole.radius_m - 0.08).abs() < 0.03, "{}", pole.radius_m);
+        assert!((pole.tilt_rad() - 0.037).abs() < 0.01);
+    }
+
+    #[test]
+    fn walls_and_their_corners_are_no_poles() {
+        let mut street = Street::new();
+        street.add_wall(6.0, 10.0..30.0, 3.0);
+        assert!(found(street).is_empty());
+    }
+
+    #[test]
+    fn a_pole_half_a_metre_before_a_wall_is_found() {
+        let mut street = Street::new();
+        street.add_wall(6.9, 10.0..40.0, 3.0);
+        let foot = Point3::new(6.0, CAMERA_HEIGHT_M, 25.0);
+        street.add_cylinder(foot, foot - nalgebra::Vector3::new(0.0, 2.5, 0.0), 0.05);
+        let poles = found(street);
+        assert_eq!(poles.len(), 1);
+        assert!((poles[0].1.foot - foot).norm() < 0.04);
+    }
+
+    #[test]
+    fn a_delineator_is_told_from_a_sign_post() {
+        let mut street = Street::new();
+        for (z, height) in [(15.0, 1.0), (35.0, 2.2)] {
+            let foot = Point3::new(4.0, CAMERA_HEIGHT_M, z);
+            street.add_cylinder(foot, foot - nalgebra::Vector3::new(0.0, height, 0.0), 0.05);
+        }
+        let kinds: Vec<PoleKind> = found(street).into_iter().map(|p| p.0).collect();
+        assert!(kinds.contains(&PoleKind::Delineator) && kinds.contains(&PoleKind::SignPost), "{kinds:?}");
+    }
+}

@@ -166,3 +166,52 @@ pub fn align(map: &LocalMap, scan: &[ScanSurface], guess: &Pose, config: &AlignC
         iterations,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::voxel::voxel_moments;
+    use nalgebra::Point3;
+
+    /// Ground, a wall with a corner and three poles, in the map.
+    fn world() -> Vec<Point3<f64>> {
+        let mut points = Vec::new();
+        let mut grain = 0_u32;
+        let mut noise = || {
+            grain = grain.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(grain >> 16) / 65536.0 * 0.02 - 0.01
+        };
+        for i in 0..300 {
+            for k in 0..200 {
+                let (x, y) = (f64::from(i) * 0.15 - 22.5, f64::from(k) * 0.15 - 15.0);
+                points.push(Point3::new(x, y, -1.7 + noise()));
+            }
+            for k in 0..40 {
+                let (along, up) = (f64::from(i) * 0.15 - 22.5, f64::from(k) * 0.1 - 1.7);
+                points.push(Point3::new(along, 8.0 + noise(), up));
+                if i < 80 {
+                    points.push(Point3::new(12.0 + noise(), f64::from(i) * 0.1, up));
+                }
+            }
+        }
+        points
+    }
+
+    #[test]
+    fn a_displaced_scan_is_put_back_within_a_centimetre() {
+        let world = world();
+        let mut map = LocalMap::new(1.0, 10);
+        map.insert(0, &voxel_moments(&world, 0.5), &Pose::identity());
+        let truth = Pose::new(nalgebra::Vector3::new(0.7, 0.2, 0.05), nalgebra::Vector3::new(0.002, -0.003, 0.01));
+        // The scan's own voxels are cut elsewhere than the map's.
+        let scan: Vec<Point3<f64>> = world.iter().map(|p| truth.inverse() * p).collect();
+        let surfaces = scan_surfaces(&voxel_moments(&scan, 0.5));
+        let guess =
+            truth * Pose::new(nalgebra::Vector3::new(0.15, -0.1, 0.05), nalgebra::Vector3::new(0.0, 0.002, 0.005));
+        let found = align(&map, &surfaces, &guess, &AlignConfig::default());
+        let off = common::geometry::local(&truth, &found.map_from_velodyne);
+        assert!(off.fixed_rows::<3>(0).norm() < 0.01, "{off}");
+        assert!(off.fixed_rows::<3>(3).norm() < 5e-4, "{off}");
+        assert!(found.rms_m < found.first_rms_m && found.overlap > 0.8);
+    }
+}

@@ -1,5 +1,5 @@
 //! Scores a map's poles against the pole maps of the pole-localization data
-//! set (PRBonn), which were made with another trajectory.
+//! set of the `PRBonn` group, which were made with another trajectory.
 
 use std::path::Path;
 

@@ -1,0 +1,217 @@
+//! Every bad input ends with exit code 2 and one sentence that names the file
+//! and says what to do.
+
+use std::path::{Path, PathBuf};
+
+use common::map::{EncodeOptions, SemanticMap};
+
+use crate::support::{CALIBRATION, Ran, build, plain, run, text};
+
+/// `mapper build` of every scan of sequence 04.
+fn build_of(root: &Path, more: &[&str]) -> Ran {
+    let map = root.join("04.csm");
+    let ran = build(root, "04", &map, &[&["--every", "1"], more].concat());
+    assert_eq!(ran.code == 0, map.exists(), "a map is written if and only if all went well");
+    ran
+}
+
+#[test]
+fn the_plain_drive_itself_is_fine() {
+    build_of(plain().path(), &[]).ok();
+}
+
+#[test]
+fn a_missing_sequence() {
+    let root = plain();
+    let ran = build(root.path(), "07", &root.path().join("07.csm"), &[]);
+    ran.refused(&["sequence 07 is not in", "which holds 04"]);
+}
+
+#[test]
+fn a_truncated_scan() {
+    let root = plain();
+    let scan = root.path().join("sequences/04/velodyne/000001.bin");
+    let bytes = std::fs::read(&scan).unwrap();
+    std::fs::write(&scan, &bytes[..bytes.len() - 5]).unwrap();
+    build_of(root.path(), &[]).refused(&["000001.bin has 57595 bytes", "copy it again"]);
+}
+
+#[test]
+fn a_calibration_without_tr() {
+    let root = plain();
+    let without: Vec<&str> = CALIBRATION.lines().filter(|line| !line.starts_with("Tr")).collect();
+    std::fs::write(root.path().join("sequences/04/calib.txt"), without.join("\n")).unwrap();
+    build_of(root.path(), &[]).refused(&["calib.txt has no line `Tr:`", "take `calib.txt` from"]);
+}
+
+#[test]
+fn poses_of_the_wrong_length() {
+    let root = plain();
+    let poses = root.path().join("poses/04.txt");
+    let rows = std::fs::read_to_string(&poses).unwrap();
+    let short: Vec<&str> = rows.lines().take(2).collect();
+    std::fs::write(&poses, short.join("\n")).unwrap();
+    build_of(root.path(), &[]).refused(&["04.txt has 2 poses", "times.txt has 3 times"]);
+}
+
+#[test]
+fn an_unknown_config_key() {
+    let root = plain();
+    let config = root.path().join("build.toml");
+    std::fs::write(&config, "quantum_m = 0.02\n[poles]\nlargest_tilt_deg = 3\n").unwrap();
+    let ran = build_of(root.path(), &["--config", text(&config)]);
+    ran.refused(&["build.toml:3", "no setting `largest_tilt_deg`", "did you mean `largest_tilt_rad`"]);
+}
+
+#[test]
+fn frames_without_a_scan() {
+    let root = plain();
+    build_of(root.path(), &["--first", "2"]).refused(&["velodyne", "no scan"]);
+}
+
+#[test]
+fn a_folder_that_does_not_exist() {
+    let root = plain();
+    let map = root.path().join("maps/04.csm");
+    build(root.path(), "04", &map, &[]).refused(&["04.csm cannot be written", "create it first"]);
+}
+
+/// A good map, its bytes, and a folder for worse ones.
+struct Maps(tempfile::TempDir);
+
+impl Maps {
+    fn new() -> (Self, Vec<u8>) {
+        let map = SemanticMap { frame_note: "made".into(), ..SemanticMap::default() };
+        (Self(tempfile::tempdir().unwrap()), map.encode(&EncodeOptions::default()).unwrap())
+    }
+
+    fn path(&self) -> PathBuf {
+        self.0.path().join("bad.csm")
+    }
+
+    /// Every command that reads a map refuses these bytes with a sentence.
+    fn refused(&self, bytes: &[u8], part: &str) {
+        let (path, picture) = (self.path(), self.0.path().join("bad.svg"));
+        std::fs::write(&path, bytes).unwrap();
+        let map = text(&path);
+        for words in [
+            &["inspect", map][..],
+            &["size", map, "--budget", "4096"],
+            &["ascii", map],
+            &["draw", map, "--out", text(&picture)],
+        ] {
+            run("mapper", words).refused(&["bad.csm", part]);
+        }
+        assert!(!picture.exists());
+        let folder = text(self.0.path());
+        let words = ["run", "--map", map, "--kitti", folder, "--labels", folder, "--out", folder];
+        run("localizer", &words).refused(&["bad.csm", part]);
+    }
+}
+
+#[test]
+fn a_map_with_a_flipped_byte() {
+    let (maps, bytes) = Maps::new();
+    // The magic, the version and the length have sentences of their own.
+    for at in 8..bytes.len() {
+        let mut flipped = bytes.clone();
+        flipped[at] ^= 0x10;
+        std::fs::write(maps.path(), &flipped).unwrap();
+        run("mapper", &["ascii", text(&maps.path())]).refused(&["bad.csm", "damaged"]);
+    }
+    let mut flipped = bytes;
+    flipped[12] ^= 1;
+    maps.refused(&flipped, "damaged");
+}
+
+#[test]
+fn a_truncated_map() {
+    let (maps, bytes) = Maps::new();
+    maps.refused(&bytes[..bytes.len() - 3], "it was cut off");
+}
+
+#[test]
+fn a_map_of_a_future_version() {
+    let (maps, mut bytes) = Maps::new();
+    bytes[3] = 9;
+    maps.refused(&bytes, "format version 9, and this program reads version 1");
+}
+
+#[test]
+fn what_is_no_map() {
+    let (maps, _) = Maps::new();
+    maps.refused(b"hello, this is text", "no Waymark map");
+}
+
+/// An 8-bit image, grey or of three colours.
+fn write_png(path: &Path, (width, height): (u32, u32), colour: png::ColorType) {
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    let mut encoder = png::Encoder::new(std::fs::File::create(path).unwrap(), width, height);
+    encoder.set_color(colour);
+    encoder.set_depth(png::BitDepth::Eight);
+    let bytes = vec![0; (width * height) as usize * colour.samples()];
+    encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
+}
+
+/// `localizer run` in an empty map of the plain drive.
+fn localize(root: &Path, more: &[&str]) -> Ran {
+    let map = root.join("empty.csm");
+    common::map::write(&map, &SemanticMap::default(), &EncodeOptions::default()).unwrap();
+    let out = root.join("out");
+    let words = ["run", "--map", text(&map), "--kitti", text(root), "--sequence", "04", "--out", text(&out)];
+    run("localizer", &[&words[..], more].concat())
+}
+
+#[test]
+fn a_label_image_of_another_size() {
+    let root = plain();
+    let labels = root.path().join("labels");
+    for (frame, size) in [(0, (1226, 370)), (1, (1226, 370)), (2, (1242, 376))] {
+        write_png(&labels.join(format!("pole/{frame:06}.png")), size, png::ColorType::Grayscale);
+    }
+    let ran = localize(root.path(), &["--labels", text(&labels)]);
+    ran.refused(&["pole/000002.png has 1242x376 px where 1226x370", "give images"]);
+}
+
+#[test]
+fn images_that_are_not_the_calibrated_ones() {
+    let root = plain();
+    write_png(&root.path().join("sequences/04/image_2/000000.png"), (613, 185), png::ColorType::Rgb);
+    let network = root.path().join("tiny.onnx");
+    std::fs::write(&network, sigmoid_network([1, 3, 4, 8])).unwrap();
+    std::fs::write(network.with_extension("toml"), "[classes]\npole = [0]\n").unwrap();
+    let ran = localize(root.path(), &["--pole-net", text(&network)]);
+    ran.refused(&["000000.png has 613x185 px", "neither scaled nor cropped"]);
+}
+
+#[test]
+fn a_network_with_other_shapes() {
+    let root = plain();
+    write_png(&root.path().join("sequences/04/image_2/000000.png"), (1226, 370), png::ColorType::Rgb);
+    let network = root.path().join("tiny.onnx");
+    std::fs::write(&network, sigmoid_network([1, 3, 4, 8])).unwrap();
+    let words = ["--pole-net", text(&network)];
+    localize(root.path(), &words).refused(&["tiny.onnx is no known network", "scores 1x3x4x8", "tiny.toml"]);
+    std::fs::write(network.with_extension("toml"), "width = 1248\n[classes]\npole = [0]\n").unwrap();
+    localize(root.path(), &words).refused(&["tiny.onnx", "width is 8 and the description says 1248", "tiny.toml"]);
+}
+
+/// An ONNX network of one `Sigmoid`, byte by byte: protocol buffers whose
+/// lengths all fit into seven bits, or into fourteen at the top.
+fn sigmoid_network(shape: [u8; 4]) -> Vec<u8> {
+    let message = |number: u8, content: &[u8]| {
+        let (low, high) = ((content.len() & 0x7f) as u8, (content.len() >> 7) as u8);
+        let length = if high > 0 { vec![low | 0x80, high] } else { vec![low] };
+        [vec![number << 3 | 2], length, content.to_vec()].concat()
+    };
+    let number = |field: u8, value: u8| vec![field << 3, value];
+    let value = |name: &[u8]| {
+        let dims: Vec<u8> = shape.iter().flat_map(|&d| message(1, &number(1, d))).collect();
+        let tensor = [number(1, 1), message(2, &dims)].concat();
+        [message(1, name), message(2, &message(1, &tensor))].concat()
+    };
+    let node = [message(1, b"image"), message(2, b"scores"), message(3, b"only"), message(4, b"Sigmoid")].concat();
+    let graph = [message(1, &node), message(2, b"tiny"), message(11, &value(b"image")), message(12, &value(b"scores"))]
+        .concat();
+    [number(1, 8), message(7, &graph), message(8, &number(2, 17))].concat()
+}

@@ -1,0 +1,16 @@
+//! What Waymark promises, from the command line to the files. The drive that
+//! most of it is shown on is the demo's.
+
+// Helpers of tests count as tests: a failed unwrap is a failed test.
+#![allow(clippy::unwrap_used)]
+
+mod bad_input;
+mod budget;
+mod camera_from_map;
+mod cloud_with_classes;
+mod demo;
+mod determinism;
+mod map_from_scans;
+mod real_kitti;
+mod refined_poses;
+mod support;

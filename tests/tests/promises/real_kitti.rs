@@ -1,0 +1,55 @@
+//! KITTI 04, frames 0 to 50, every fifth scan: what the issue of this project
+//! asks for.
+
+use std::path::PathBuf;
+
+use waymark_tests::{data, pole_map};
+
+use crate::support::{build, text};
+
+/// The map of KITTI 04 and the poses that it was built with.
+struct Real {
+    root: PathBuf,
+    folder: tempfile::TempDir,
+}
+
+impl Real {
+    /// Builds the map from every `every`-th scan, where there is real data.
+    fn build(every: &str) -> Option<Self> {
+        let root = data::folder()?.join("kitti");
+        let real = Self { root, folder: tempfile::tempdir().unwrap() };
+        let trajectory = real.trajectory();
+        let more = ["--every", every, "--last", "50", "--trajectory", text(&trajectory)];
+        println!("{}", build(&real.root, "04", &real.map(), &more).ok());
+        Some(real)
+    }
+
+    fn map(&self) -> PathBuf {
+        self.folder.path().join("04.csm")
+    }
+
+    fn trajectory(&self) -> PathBuf {
+        self.folder.path().join("04.txt")
+    }
+
+    fn score(&self) -> pole_map::Score {
+        let map = common::map::read(self.map()).unwrap();
+        let trajectory = common::kitti::read_poses(self.trajectory()).unwrap();
+        pole_map::score(&map, &trajectory, &self.root, "04").unwrap()
+    }
+}
+
+#[test]
+fn every_fifth_scan_gives_a_map_of_at_most_1024_bytes() {
+    let Some(real) = Real::build("5") else { return };
+    let bytes = std::fs::metadata(real.map()).unwrap().len();
+    assert!(bytes <= 1024, "{bytes}");
+}
+
+#[test]
+fn its_poles_are_those_of_the_pole_map() {
+    let Some(real) = Real::build("5") else { return };
+    let score = real.score();
+    println!("recall {:.3}, precision {:.3}", score.recall(), score.precision());
+    assert!(score.recall() >= 0.65 && score.precision() >= 0.73, "{score:?}");
+}

@@ -168,7 +168,8 @@ fn extract(cloud: &Cloud, owned: &std::ops::Range<f64>, map: &SemanticMap, confi
     }
 }
 
-fn find_lanes(cloud: &Cloud, config: &Config) -> Vec<LanePiece> {
+/// The lane lines of a stitched cloud.
+pub fn find_lanes(cloud: &Cloud, config: &Config) -> Vec<LanePiece> {
     let paint = Paint::of(cloud, &config.lanes);
     let (from, to) = (cloud.path.start_station_m(), cloud.path.end_station_m());
     let windows = find_lines(&paint, from, to, &config.lanes);

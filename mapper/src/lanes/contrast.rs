@@ -32,8 +32,8 @@ impl Default for ContrastConfig {
 const SAMPLES: usize = 6;
 
 /// By how many standard deviations the reflectance of a point of a scan
-/// exceeds that of its beam on both sides; 0 where it does not, or where the
-/// beam was interrupted; none beyond the range or above the road. Points are
+/// exceeds that of its beam on both sides; 0 where it does not by more than
+/// the least noise, or where the beam was interrupted; none beyond the range or above the road. Points are
 /// expected in the order of the beams, as KITTI stores them; in another order
 /// every point counts as interrupted.
 pub fn contrast(scan: &LidarScan, i: usize, config: &ContrastConfig) -> Option<f32> {
@@ -42,12 +42,16 @@ pub fn contrast(scan: &LidarScan, i: usize, config: &ContrastConfig) -> Option<f
     if range > config.farthest_m || p.z > range * config.highest_rad.sin() {
         return None;
     }
-    let (Some(left), Some(right)) = (side(scan, i, -1, config), side(scan, i, 1, config)) else {
+    let over = |side: &Side| scan.reflectance[i] - side.median;
+    // Most points are asphalt, no brighter than either side: one is enough.
+    let Some(left) = side(scan, i, -1, config).filter(|s| over(s) > config.least_noise) else {
         return Some(0.0);
     };
-    let over = scan.reflectance[i] - left.median.max(right.median);
+    let Some(right) = side(scan, i, 1, config).filter(|s| over(s) > config.least_noise) else {
+        return Some(0.0);
+    };
     let noise = left.spread.min(right.spread).max(config.least_noise);
-    Some((over / noise).max(0.0))
+    Some(over(&left).min(over(&right)) / noise)
 }
 
 struct Side {

@@ -173,7 +173,9 @@ impl Cloud {
                 let scan = sensor_map.len() as u16;
                 scans.push(read);
                 sensor_map.push(sensor);
-                stitched.iter_mut().for_each(|p| p.scan = scan);
+                for p in &mut stitched {
+                    p.scan = scan;
+                }
                 points.append(&mut stitched);
             },
         )?;

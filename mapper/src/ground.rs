@@ -46,9 +46,23 @@ pub struct Ground {
     seen: Vec<bool>,
 }
 
-#[derive(PartialEq, PartialOrd)]
+/// A height with a total order, for the queue.
 struct Step(f64);
+
+impl PartialEq for Step {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
 impl Eq for Step {}
+
+impl PartialOrd for Step {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
 impl Ord for Step {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.0.total_cmp(&other.0)

@@ -34,7 +34,8 @@ impl Moments {
         Self { count: 1.0, mean: point, scatter: Matrix3::zeros() }
     }
 
-    /// The moments of both sets together (Chan, Golub, LeVeque 1979).
+    /// The moments of both sets together (Chan, Golub and Le Veque 1979).
+    #[must_use]
     pub fn merged(&self, other: &Self) -> Self {
         let count = self.count + other.count;
         let apart = other.mean - self.mean;
@@ -47,6 +48,7 @@ impl Moments {
     }
 
     /// The moments of the points moved rigidly.
+    #[must_use]
     pub fn transformed(&self, b_from_a: &common::geometry::Pose) -> Self {
         let rotation = b_from_a.rotation.to_rotation_matrix();
         Self {

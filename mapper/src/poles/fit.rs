@@ -147,7 +147,9 @@ fn refine(hits: &[Hit], start: Axis, config: &PoleConfig) -> Axis {
     // Scans with many hits must not outvote the view from the other side.
     let scans = hits.iter().map(|h| usize::from(h.scan) + 1).max().unwrap_or(0);
     let mut per_scan = vec![0.0_f64; scans];
-    hits.iter().for_each(|h| per_scan[usize::from(h.scan)] += 1.0);
+    for h in hits {
+        per_scan[usize::from(h.scan)] += 1.0;
+    }
     for _ in 0..8 {
         let radius = radius_across(hits, &axis, config);
         let scale = config.noise_m.powi(2) + (SHELL_SPREAD * radius).powi(2);

@@ -16,7 +16,7 @@
 //! `E`: one elimination along the chain, then a 3x3 system.
 
 use common::geometry::{Pose, Tangent, local, retract};
-use nalgebra::{Matrix3, Matrix6, SMatrix, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix6, SMatrix, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Accuracies that weigh the scans' motion against the survey.
@@ -211,10 +211,10 @@ pub fn refine_poses(survey: &[Pose], motions: &[Motion], config: &GraphConfig) -
         let mut chain = Chain::zero(n);
         for (i, (motion, weight)) in motions.iter().zip(&weights).enumerate().take(n - 1) {
             chain.add_motion(i, &poses, &motion.before_from_after, weight);
-            let z = Pose::from_parts(Default::default(), e.inverse())
+            let z = Pose::from_parts(Translation3::identity(), e).inverse()
                 * survey[i].inverse()
                 * survey[i + 1]
-                * Pose::from_parts(Default::default(), e);
+                * Pose::from_parts(Translation3::identity(), e);
             let r = local(&z, &(poses[i].inverse() * poses[i + 1]));
             let robust = cauchy((r.transpose() * survey_weight * r).x, config);
             chain.add_motion(i, &poses, &z, &(survey_weight * robust));

@@ -24,6 +24,9 @@ pub struct AlignConfig {
     pub farthest_m: f64,
     /// Scale of the Cauchy weight, in standard deviations of a residual.
     pub robust_sigmas: f64,
+    /// The same in the first iteration, halved in each until `robust_sigmas` is
+    /// reached: what the first guess may be off by.
+    pub first_sigmas: f64,
     /// Number of past scans in the local map.
     pub keep_scans: usize,
     /// Most iterations.
@@ -38,6 +41,7 @@ impl Default for AlignConfig {
             nearest_m: 3.0,
             farthest_m: 60.0,
             robust_sigmas: 2.0,
+            first_sigmas: 32.0,
             keep_scans: 10,
             max_iterations: 20,
         }
@@ -138,22 +142,26 @@ const PIECE: usize = 1024;
 
 /// Aligns a scan, reduced to surfaces, with the map from a first guess.
 pub fn align(map: &LocalMap, scan: &[ScanSurface], guess: &Pose, config: &AlignConfig) -> Alignment {
+    let normal = |pose: &Pose, sigmas: f64| {
+        let pieces: Vec<Normal> = scan.par_chunks(PIECE).map(|piece| accumulate(map, pose, piece, sigmas)).collect();
+        pieces.iter().fold(Normal::zero(), Normal::plus)
+    };
+    let first_rms_m = normal(guess, config.robust_sigmas).rms_m();
     let mut pose = *guess;
     let mut last = Normal::zero();
-    let mut first_rms_m = None;
     let mut iterations = 0;
+    let mut sigmas = config.first_sigmas.max(config.robust_sigmas);
     while iterations < config.max_iterations {
         iterations += 1;
-        let pieces: Vec<Normal> =
-            scan.par_chunks(PIECE).map(|piece| accumulate(map, &pose, piece, config.robust_sigmas)).collect();
-        last = pieces.iter().fold(Normal::zero(), Normal::plus);
-        first_rms_m.get_or_insert(last.rms_m());
+        last = normal(&pose, sigmas);
         let Some(solver) = last.h.cholesky() else { break };
         let step = -solver.solve(&last.g);
         pose = retract(&pose, &step);
         // A tenth of a millimetre and of a milliradian at 10 m is below every
         // effect on a map of centimetres.
-        if step.fixed_rows::<3>(0).norm() < 1e-4 && step.fixed_rows::<3>(3).norm() < 1e-5 {
+        let annealed = sigmas <= config.robust_sigmas;
+        sigmas = (sigmas / 2.0).max(config.robust_sigmas);
+        if annealed && step.fixed_rows::<3>(0).norm() < 1e-4 && step.fixed_rows::<3>(3).norm() < 1e-5 {
             break;
         }
     }
@@ -162,7 +170,7 @@ pub fn align(map: &LocalMap, scan: &[ScanSurface], guess: &Pose, config: &AlignC
         information: last.h,
         overlap: last.matched as f64 / scan.len().max(1) as f64,
         rms_m: last.rms_m(),
-        first_rms_m: first_rms_m.unwrap_or_default(),
+        first_rms_m,
         iterations,
     }
 }

@@ -181,11 +181,13 @@ fn can_be_written(path: &Path) -> Result<()> {
     }
 }
 
-/// A progress bar; hidden by itself where the error stream is no terminal.
+/// A progress bar; hidden by itself where the error stream is no terminal. It
+/// ticks while the poses are refined, before the first window.
 fn progress() -> ProgressBar {
     let bar = ProgressBar::new(1);
-    if let Ok(style) = ProgressStyle::with_template("build {wide_bar} {pos}/{len} windows {eta}") {
+    if let Ok(style) = ProgressStyle::with_template("build {spinner} {wide_bar} {pos}/{len} windows {elapsed}") {
         bar.set_style(style);
     }
+    bar.enable_steady_tick(std::time::Duration::from_millis(100));
     bar
 }

@@ -13,4 +13,5 @@ mod determinism;
 mod map_from_scans;
 mod real_kitti;
 mod refined_poses;
+mod settings;
 mod support;

@@ -1,0 +1,34 @@
+//! Settings are printed as they are read, and what a build did can be read by
+//! a program.
+
+use common::kitti::{ScanPoint, write_scan};
+
+use crate::support::{build, plain, run, text};
+
+#[test]
+fn printed_settings_can_be_given_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("all.toml");
+    for (program, command) in [("mapper", "build"), ("localizer", "run")] {
+        let printed = run(program, &[command, "--print-config"]).ok();
+        std::fs::write(&file, &printed).unwrap();
+        let again = run(program, &[command, "--print-config", "--config", text(&file)]).ok();
+        assert_eq!(printed, again);
+    }
+}
+
+#[test]
+fn points_that_are_no_numbers_are_dropped_and_counted() {
+    let root = plain();
+    let scan = root.path().join("sequences/04/velodyne/000001.bin");
+    let point = |x_m: f32| ScanPoint { x_m, y_m: 3.0, z_m: -1.7, reflectance: 0.5 };
+    write_scan(&scan, &[point(5.0), point(f32::NAN), point(f32::INFINITY), point(9000.0), ScanPoint::default()])
+        .unwrap();
+    let said = build(root.path(), "04", &root.path().join("04.csm"), &["--every", "1", "--json"]).ok();
+    let json: serde_json::Value = serde_json::from_str(&said).unwrap();
+    let scans = &json["report"]["scans"];
+    let count = |name: &str| scans[name].as_u64().unwrap();
+    assert_eq!((count("scans"), count("first_frame"), count("last_frame")), (2, 0, 1));
+    assert_eq!((count("points"), count("dropped_not_finite"), count("dropped_out_of_range")), (3601, 2, 2));
+    assert!(json["usage"]["wall_s"].as_f64().unwrap() > json["usage"]["read_s"].as_f64().unwrap());
+}

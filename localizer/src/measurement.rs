@@ -241,15 +241,24 @@ pub struct LaneVertex {
     pub point_map: Point3<f64>,
 }
 
-/// Appends the image of a lane candidate to `out`, vertices in front of the
-/// camera only; returns their range.
+/// Appends the image of a lane candidate to `out`, cut at the near plane;
+/// returns the range of its vertices.
 pub fn project_lane(view: &View, candidates: &Candidates, lane: &LaneCandidate, out: &mut Vec<LaneVertex>) -> (usize, usize) {
     let start = out.len();
-    let points = candidates.lane_points_map.get(lane.start..lane.end).unwrap_or(&[]);
-    out.extend(points.iter().filter_map(|&point_map| {
-        let (at_px, depth_m) = view.project(&point_map)?;
-        Some(LaneVertex { at_px, depth_m, point_map })
-    }));
+    // The point a hair before the plane projects; rounding may not.
+    let plane_m = NEAR_M * (1.0 + 1e-9);
+    let mut before: Option<(Point3<f64>, f64)> = None;
+    for &point_map in candidates.lane_points_map.get(lane.start..lane.end).unwrap_or(&[]) {
+        let depth_m = view.to_camera(&point_map).z;
+        let crossed = before.filter(|(_, z)| (*z < NEAR_M) != (depth_m < NEAR_M));
+        let cut = crossed.map(|(last, z)| last + (point_map - last) * ((plane_m - z) / (depth_m - z)));
+        for point_map in cut.into_iter().chain((depth_m >= NEAR_M).then_some(point_map)) {
+            if let Some((at_px, depth_m)) = view.project(&point_map) {
+                out.push(LaneVertex { at_px, depth_m, point_map });
+            }
+        }
+        before = Some((point_map, depth_m));
+    }
     (start, out.len())
 }
 

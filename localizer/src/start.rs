@@ -145,11 +145,6 @@ pub struct Search {
 }
 
 impl Search {
-    #[cfg(test)]
-    pub fn cells(&self) -> &[(f64, Pose)] {
-        &self.cells
-    }
-
     /// The best poses around a rough one, best first, no two alike. Its scene
     /// must hold the candidates for the whole region.
     pub fn run(

@@ -247,7 +247,8 @@ impl<'a> Tracker<'a> {
         let mut kept: Vec<Hypothesis> = Vec::with_capacity(self.bank.len());
         let best = self.bank.first().map_or(0.0, |best| best.log_weight);
         for hypothesis in self.bank.drain(..) {
-            let refuted = hypothesis.log_weight < best - self.config.bank.prune_margin;
+            let refuted = hypothesis.log_weight < best - self.config.bank.prune_margin
+                || (hypothesis.is_impossible(&self.config.bank) && !kept.is_empty());
             let room = kept.len() < self.config.bank.capacity(hypothesis.age_frames);
             if !refuted && room && !kept.iter().any(|known| known.is_like(&hypothesis, &self.config.bank)) {
                 kept.push(hypothesis);

@@ -49,8 +49,12 @@ pub struct BankConfig {
     pub alike_m: f64,
     /// Hypotheses turned by less than this are the same, radians.
     pub alike_rad: f64,
-    /// Highest speed that the start considers, m/s.
+    /// Hypotheses whose speeds differ by less are the same, m/s.
+    pub alike_m_s: f64,
+    /// Highest speed of the vehicle, m/s.
     pub max_speed_m_s: f64,
+    /// Highest speed of the vehicle in reverse, m/s.
+    pub max_reverse_m_s: f64,
     /// Standard deviation of the camera's direction against the driving
     /// direction, radians.
     pub mounting_sigma_rad: f64,
@@ -60,7 +64,7 @@ impl Default for BankConfig {
     fn default() -> Self {
         Self {
             sure_evidence: 15.0,
-            young_capacity: 24,
+            young_capacity: 32,
             capacity: 4,
             young_frames: 4,
             memory: 0.8,
@@ -71,7 +75,9 @@ impl Default for BankConfig {
             max_surprise: 8.0,
             alike_m: 0.4,
             alike_rad: 0.015,
+            alike_m_s: 2.0,
             max_speed_m_s: 45.0,
+            max_reverse_m_s: 3.0,
             mounting_sigma_rad: 0.05,
         }
     }
@@ -168,8 +174,20 @@ impl Hypothesis {
 
     /// Both tell the same.
     pub fn is_like(&self, other: &Self, bank: &BankConfig) -> bool {
+        let faster_m_s = (self.state.velocity[2] - other.state.velocity[2]).abs();
         is_alike(&self.state.map_from_camera, &other.state.map_from_camera, bank.alike_m, bank.alike_rad)
-            && (self.speed_is_unknown == other.speed_is_unknown || !self.speed_is_unknown)
+            && if self.speed_is_unknown || other.speed_is_unknown {
+                // Who knows its speed covers who does not.
+                !self.speed_is_unknown || other.speed_is_unknown
+            } else {
+                faster_m_s <= bank.alike_m_s
+            }
+    }
+
+    /// No vehicle goes like this.
+    pub fn is_impossible(&self, bank: &BankConfig) -> bool {
+        let speed_m_s = self.state.velocity[2];
+        !self.speed_is_unknown && !(-bank.max_reverse_m_s..=bank.max_speed_m_s).contains(&speed_m_s)
     }
 
     /// Moves on by `dt_s` into `out`: once, or once for each speed while the
@@ -188,7 +206,7 @@ impl Hypothesis {
         let reach = (config.start.reach_sigmas * sigma_m_s / step_m_s - 0.5).ceil().max(0.0) as i32;
         let speeds: Vec<f64> = (-reach..=reach)
             .map(|i| self.state.velocity[2] + f64::from(i) * step_m_s)
-            .filter(|speed| reach == 0 || (-step_m_s..=config.bank.max_speed_m_s + step_m_s).contains(speed))
+            .filter(|speed| reach == 0 || (-0.5 * step_m_s..=config.bank.max_speed_m_s).contains(speed))
             .collect();
         for &speed_m_s in &speeds {
             let mut split = self.clone();

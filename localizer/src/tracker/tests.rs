@@ -1,121 +1,191 @@
-use common::geometry::{Pose, local};
+use common::geometry::{Pose, retract};
 
 use super::*;
 use crate::gps::{GpsConfig, simulate};
 use crate::testing::{IMAGE, Recipe, World};
 
+/// What happens to the drive besides its usual noise.
+struct Mishap<'a> {
+    /// No features in these frames.
+    is_black: &'a dyn Fn(usize) -> bool,
+    /// The image of another frame than it says.
+    shows: &'a dyn Fn(usize) -> usize,
+    /// Done to the tracker before a frame.
+    before: &'a dyn Fn(usize, &mut Tracker<'_>),
+}
+
+const NONE: Mishap<'_> = Mishap { is_black: &|_| false, shows: &|frame| frame, before: &|_, _| () };
+
 struct Run {
     errors_m: Vec<f64>,
     statuses: Vec<Status>,
+    poses: Vec<Pose>,
 }
 
-fn run(world: &World, config: &Config, gps: &GpsConfig, seed: u64, hide: impl Fn(usize) -> bool) -> Run {
-    let index = RoadIndex::new(&world.map);
-    let fixes = simulate(&world.truth[..gps.simulated_fixes], gps, seed);
-    let mut tracker = Tracker::new(&world.map, &index, &world.camera, IMAGE, config);
-    let (mut errors_m, mut statuses) = (Vec::new(), Vec::new());
-    for frame in 0..world.truth.len() {
-        let features = if hide(frame) { Features::default() } else { world.features(frame) };
-        let input = FrameInput { time_s: world.time_s(frame), features: &features, gps: fixes.get(frame) };
-        let estimate = tracker.step(&input).unwrap();
-        errors_m.push(off_m(&world.truth[frame], &estimate.map_from_camera));
-        statuses.push(estimate.status);
+impl Run {
+    fn rms_m(&self, from: usize) -> f64 {
+        let errors_m = &self.errors_m[from..];
+        (errors_m.iter().map(|e| e * e).sum::<f64>() / errors_m.len() as f64).sqrt()
     }
-    Run { errors_m, statuses }
-}
 
-fn off_m(truth: &Pose, estimate: &Pose) -> f64 {
-    local(truth, estimate).fixed_rows::<3>(0).norm()
-}
+    /// Frames that are called ok and are not.
+    fn lies(&self) -> usize {
+        self.statuses.iter().zip(&self.errors_m).filter(|(s, e)| **s == Status::Ok && **e > 0.5).count()
+    }
 
-fn rms(errors_m: &[f64]) -> f64 {
-    (errors_m.iter().map(|e| e * e).sum::<f64>() / errors_m.len() as f64).sqrt()
-}
-
-#[test]
-#[ignore]
-fn explore() {
-    for (name, recipe) in [
-        ("street", Recipe::default()),
-        ("nolane", Recipe { lanes_m: &[], ..Recipe::default() }),
-        ("sparse", Recipe { pole_spacing_m: 30.0, ..Recipe::default() }),
-        ("clutter", Recipe { false_poles: 10, missed: 0.5, ..Recipe::default() }),
-    ] {
-        for (gname, gps) in [("1.5", GpsConfig::default()), ("3.5", GpsConfig { horizontal_sigma_m: 3.5, heading_sigma_deg: 17.0, ..Default::default() })] {
-            let world = World::new(recipe);
-            for seed in 0..6 {
-                let t = std::time::Instant::now();
-                let run = run(&world, &Config::default(), &gps, seed, |_| false);
-                let ms = t.elapsed().as_secs_f64() * 1e3 / run.errors_m.len() as f64;
-                let first_ok = run.statuses.iter().position(|s| *s == Status::Ok);
-                let count = |s| run.statuses.iter().filter(|x| **x == s).count();
-                let lie = run.statuses.iter().zip(&run.errors_m).filter(|(s, e)| **s == Status::Ok && **e > 0.5).count();
-                println!("{name} gps {gname} seed {seed}: rms(10..) {:.3} max {:.2} e0 {:.2} e1 {:.2} e5 {:.2} first ok {first_ok:?} ok {} deg {} lost {} lies {lie}  {ms:.2} ms/frame",
-                    rms(&run.errors_m[10..]), run.errors_m[10..].iter().fold(0.0_f64, |a, b| a.max(*b)), run.errors_m[0], run.errors_m[1], run.errors_m[5],
-                    count(Status::Ok), count(Status::Degraded), count(Status::Lost));
-            }
-        }
+    /// The first frame from `start` on that is called ok.
+    fn ok_from(&self, start: usize) -> Option<usize> {
+        (start..self.statuses.len()).find(|&frame| self.statuses[frame] == Status::Ok)
     }
 }
 
-#[test]
-#[ignore]
-fn explore_search() {
-    use crate::solver::Prior;
-    for (name, recipe) in [("street", Recipe::default()), ("nolane", Recipe { lanes_m: &[], ..Recipe::default() }), ("sparse", Recipe { pole_spacing_m: 30.0, ..Recipe::default() })] {
-        let world = World::new(recipe);
-        let index = RoadIndex::new(&world.map);
-        let config = Config::default();
-        for frame in [0, 1, 50, 100, 150, 200] {
-            let gps = GpsConfig::default();
-            let fix = simulate(&world.truth[frame..=frame], &gps, frame as u64 + 7)[0];
-            let mut tracker = Tracker::new(&world.map, &index, &world.camera, IMAGE, &config);
-            let features = world.features(frame);
-            tracker.prepared.fill(&features);
-            let rough = tracker.rough_from(&fix);
-            let reach = Reach { position_m: 6.0, angle_rad: 0.1 };
-            tracker.select(&rough.map_from_camera, &reach);
-            let scene = Scene { camera: &world.camera, image: IMAGE, features: &tracker.prepared, candidates: &tracker.candidates, noise: &config.noise, detection: &config.detection };
-            let mut a = Associator::default();
-            let prior = Prior::new(rough.map_from_camera, &rough.covariance()).unwrap();
-            let s = Vector6::new(0.1, 0.1, 0.1, 0.01, 0.01, 0.01);
-            let g = Matrix6::from_diagonal(&s.component_mul(&s));
-            let truth = &world.truth[frame];
-            println!("{name} frame {frame}: gps off {:.2}; features {} poles {} lanes {} signs; candidates {} {} {}", off_m(truth, &rough.map_from_camera), features.poles.len(), features.lanes.len(), features.signs.len(), scene.candidates.poles.len(), scene.candidates.lanes.len(), scene.candidates.signs.len());
-            let show = |label: &str, r: &crate::associate::robust::Refined| {
-                let e = local(truth, &r.map_from_camera);
-                println!("   {label}: evidence {:.1} support {:.1} prior {:.1} occam {:.1} matches {} ms {:.2} | off r {:.2} d {:.2} f {:.2} p {:.3} y {:.3} r {:.3}", r.evidence(), r.support, r.prior_cost, r.occam, r.matches, r.mean_square, e[0], e[1], e[2], e[3], e[4], e[5]);
-            };
-            let r = a.refine(&scene, truth, &g, &prior, &config.robust, &config.solver).unwrap();
-            show("truth", &r);
-            let mut all: Vec<_> = a.matcher.matches.iter().map(|m| format!("{:?}/{} {:.1}", m.landmark, m.feature, m.support)).collect();
-            all.sort();
-            println!("      {}", all.join(", "));
-            let mut search = Search::default();
-            let found = search.run(&scene, &rough, &mut a, &config.start, &config.robust, &config.solver);
-            for r in found.iter().take(4) { show("found", r); }
-            println!("   cells: best {:.1}; truth cell rank {:?}", search.cells()[0].0, search.cells().iter().position(|(_, p)| { let e = local(truth, p); e[0].abs() < 0.4 && e[2].abs() < 0.4 && e[4].abs() < 0.02 }));
-        }
-    }
-}
-
-#[test]
-#[ignore]
-fn explore_trace() {
-    let recipe = Recipe { false_poles: 10, missed: 0.5, ..Recipe::default() };
-    let world = World::new(recipe);
+fn run(world: &World, gps: &GpsConfig, seed: u64, mishap: &Mishap<'_>) -> Run {
     let index = RoadIndex::new(&world.map);
     let config = Config::default();
-    let gps = GpsConfig::default();
-    let fixes = simulate(&world.truth[..2], &gps, 0);
+    let fixes = simulate(&world.truth[..gps.simulated_fixes], gps, seed);
     let mut tracker = Tracker::new(&world.map, &index, &world.camera, IMAGE, &config);
+    let mut run = Run { errors_m: Vec::new(), statuses: Vec::new(), poses: Vec::new() };
     for frame in 0..world.truth.len() {
-        let features = world.features(frame);
+        (mishap.before)(frame, &mut tracker);
+        let shown = (mishap.shows)(frame).min(world.truth.len() - 1);
+        let features = if (mishap.is_black)(frame) { Features::default() } else { world.features(shown) };
         let input = FrameInput { time_s: world.time_s(frame), features: &features, gps: fixes.get(frame) };
         let estimate = tracker.step(&input).unwrap();
-        let e = local(&world.truth[frame], &estimate.map_from_camera);
-        let b = &tracker.bank[0];
-        let s = estimate.sigmas();
-        println!("{frame} err {:.2} {:.2} {:.2} yaw {:.3} {} sup {:.1} ev {:.1} lw {:.1} age {} ms {:.2} m {} bank {} margin {:.1} sig {:.2} {:.2} v {:.1} 2nd {:?}", e[0], e[1], e[2], e[4], estimate.status, estimate.support, b.evidence, b.log_weight, b.age_frames, b.mean_square, estimate.correspondences.len(), tracker.bank.len(), estimate.margin, s[0], s[2], b.state.velocity[2], tracker.bank.get(1).map(|b| { let e = local(&world.truth[frame], &b.state.map_from_camera); format!("lw {:.1} err {:.2} {:.2}", b.log_weight, e[0], e[2]) }));
+        let off = local(&world.truth[shown], &estimate.map_from_camera);
+        run.errors_m.push(off.fixed_rows::<3>(0).norm());
+        run.statuses.push(estimate.status);
+        run.poses.push(estimate.map_from_camera);
+    }
+    run
+}
+
+/// A short drive, so that the tests stay quick.
+fn street() -> Recipe {
+    Recipe { length_m: 150.0, ..Recipe::default() }
+}
+
+fn rough_gps() -> GpsConfig {
+    GpsConfig { horizontal_sigma_m: 3.5, heading_sigma_deg: 17.0, ..GpsConfig::default() }
+}
+
+/// Starts, is ok within a second, stays, and never lies.
+fn assert_holds(name: &str, recipe: Recipe, rms_m: f64) {
+    let world = World::new(recipe);
+    for (gps, seeds) in [(GpsConfig::default(), 0..4), (rough_gps(), 10..12)] {
+        for seed in seeds {
+            let run = run(&world, &gps, seed, &NONE);
+            let started = run.ok_from(0).unwrap_or(usize::MAX);
+            assert!(started <= 12, "{name} seed {seed}: ok only from frame {started}");
+            assert!(run.rms_m(started) < rms_m, "{name} seed {seed}: {} m", run.rms_m(started));
+            assert_eq!(run.lies(), 0, "{name} seed {seed}");
+        }
+    }
+}
+
+#[test]
+fn a_street_is_held_from_every_gps_start() {
+    assert_holds("street", street(), 0.15);
+}
+
+#[test]
+fn a_street_without_lane_lines_is_held() {
+    assert_holds("no lanes", Recipe { lanes_m: &[], ..street() }, 0.25);
+}
+
+#[test]
+fn a_street_full_of_false_poles_is_held() {
+    assert_holds("clutter", Recipe { false_poles: 10, missed: 0.5, ..street() }, 0.25);
+}
+
+#[test]
+fn where_there_is_little_to_see_it_says_so() {
+    let world = World::new(Recipe { pole_spacing_m: 40.0, lanes_m: &[], ..street() });
+    let run = run(&world, &GpsConfig::default(), 0, &NONE);
+    assert_eq!(run.lies(), 0);
+    assert!(run.statuses.iter().filter(|s| **s != Status::Ok).count() > run.statuses.len() / 2);
+}
+
+#[test]
+fn black_images_are_survived() {
+    let world = World::new(street());
+    let dark = 50..70;
+    let mishap = Mishap { is_black: &|frame| dark.contains(&frame), ..NONE };
+    let run = run(&world, &GpsConfig::default(), 1, &mishap);
+    assert_eq!(run.lies(), 0);
+    assert!(run.statuses[dark.end - 1] != Status::Ok);
+    let back = run.ok_from(dark.end).unwrap();
+    assert!(back < dark.end + 10 && run.rms_m(back) < 0.15, "back at frame {back}");
+}
+
+#[test]
+fn dropped_and_doubled_frames_are_survived() {
+    let world = World::new(street());
+    // Three images are skipped at 40, the image of 80 is shown three times;
+    // the clock knows of neither.
+    let shows = |frame: usize| match frame {
+        0..40 => frame,
+        40..80 => frame + 3,
+        80..83 => 83,
+        _ => frame,
+    };
+    let run = run(&world, &GpsConfig::default(), 1, &Mishap { shows: &shows, ..NONE });
+    assert_eq!(run.lies(), 0);
+    for frame in [39, 55, 79, 100] {
+        assert!(run.errors_m[frame] < 0.4, "frame {frame}: {} m", run.errors_m[frame]);
+    }
+}
+
+/// Puts all hypotheses elsewhere, as a wrong association would.
+fn shift(tracker: &mut Tracker<'_>, right_m: f64, forward_m: f64) {
+    for hypothesis in &mut tracker.bank {
+        let state = &mut hypothesis.state;
+        state.map_from_camera = retract(&state.map_from_camera, &Tangent::new(right_m, 0.0, forward_m, 0.0, 0.0, 0.0));
+    }
+}
+
+#[test]
+fn the_wrong_lane_is_found_and_undone() {
+    let world = World::new(street());
+    for (right_m, forward_m) in [(3.5, 0.0), (-3.5, 0.0), (0.0, 4.0), (0.0, -6.0)] {
+        let before = |frame: usize, tracker: &mut Tracker<'_>| {
+            if frame == 50 {
+                shift(tracker, right_m, forward_m);
+            }
+        };
+        let run = run(&world, &GpsConfig::default(), 1, &Mishap { before: &before, ..NONE });
+        assert_eq!(run.lies(), 0, "shifted by {right_m} {forward_m}");
+        assert!(run.rms_m(65) < 0.15, "shifted by {right_m} {forward_m}: {} m", run.rms_m(65));
+    }
+}
+
+#[test]
+fn without_a_fix_there_is_no_pose() {
+    let world = World::new(street());
+    let index = RoadIndex::new(&world.map);
+    let mut tracker = Tracker::new(&world.map, &index, &world.camera, IMAGE, &Config::default());
+    let features = world.features(0);
+    assert!(tracker.step(&FrameInput { time_s: 0.0, features: &features, gps: None }).is_none());
+}
+
+#[test]
+fn the_same_drive_gives_the_same_poses() {
+    let world = World::new(Recipe { length_m: 40.0, ..Recipe::default() });
+    let once = run(&world, &GpsConfig::default(), 3, &NONE);
+    let twice = run(&world, &GpsConfig::default(), 3, &NONE);
+    assert_eq!(once.poses, twice.poses);
+}
+
+#[test]
+fn an_empty_map_is_no_reason_to_fail() {
+    let world = World::new(Recipe { length_m: 40.0, ..Recipe::default() });
+    let (map, config) = (SemanticMap::default(), Config::default());
+    let index = RoadIndex::new(&map);
+    let fixes = simulate(&world.truth[..2], &config.gps, 1);
+    let mut tracker = Tracker::new(&map, &index, &world.camera, IMAGE, &config);
+    for frame in 0..20 {
+        let features = world.features(frame);
+        let input = FrameInput { time_s: world.time_s(frame), features: &features, gps: fixes.get(frame) };
+        let estimate = tracker.step(&input);
+        assert!(estimate.is_none_or(|e| e.status != Status::Ok && e.covariance.iter().all(|v| v.is_finite())));
     }
 }

@@ -11,8 +11,8 @@ use crate::measurement::NoiseConfig;
 use crate::preselect::PreselectConfig;
 use crate::solver::SolverConfig;
 use crate::start::StartConfig;
-use crate::vision::VisionConfig;
 use crate::tracker::{BankConfig, HealthConfig, RivalConfig};
+use crate::vision::VisionConfig;
 
 /// Settings by stage; the defaults need no file.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]

@@ -115,7 +115,13 @@ impl Drive {
     ///
     /// # Errors
     /// Where an image, a label or a network fails, with its sentence.
-    pub fn see(&self, frame: usize, source: &Source, expected: Option<(usize, usize)>, config: &VisionConfig) -> Result<Seen> {
+    pub fn see(
+        &self,
+        frame: usize,
+        source: &Source,
+        expected: Option<(usize, usize)>,
+        config: &VisionConfig,
+    ) -> Result<Seen> {
         let started = std::time::Instant::now();
         let maps = match source {
             Source::Labels(folder) => labels::read(folder, frame, expected)?,
@@ -155,6 +161,7 @@ pub fn image_size(width: usize, height: usize) -> ImageSize {
 
 /// The frames for which some class has a file.
 fn label_frames(folder: &Path, frames: usize) -> Vec<usize> {
-    let has = |frame: &usize| crate::vision::Class::ALL.iter().any(|&class| labels::path(folder, class, *frame).is_file());
+    let has =
+        |frame: &usize| crate::vision::Class::ALL.iter().any(|&class| labels::path(folder, class, *frame).is_file());
     (0..frames).filter(has).collect()
 }

@@ -46,7 +46,9 @@ pub enum Error {
         folder: PathBuf,
     },
     /// The localizer cannot start.
-    #[error("no GPS fix lies on the frames {first} to {last}; give one for the first frame with `--gps`, or true poses to simulate it")]
+    #[error(
+        "no GPS fix lies on the frames {first} to {last}; give one for the first frame with `--gps`, or true poses to simulate it"
+    )]
     NoStart {
         /// First frame of the run.
         first: usize,

@@ -153,9 +153,9 @@ pub fn score(estimates: &[Recorded], truth: &[Option<Pose>], timing: &[Timing]) 
         mean_angle_rad: mean(&|e| e.angle_rad),
         max_angle_rad: most(&|e| e.angle_rad),
         mean_correspondences: matched.map(|m| m.iter().sum::<usize>() as f64 / count),
-        ok_degraded_lost: statuses.as_ref().map(|all| {
-            [Status::Ok, Status::Degraded, Status::Lost].map(|s| all.iter().filter(|t| **t == s).count())
-        }),
+        ok_degraded_lost: statuses
+            .as_ref()
+            .map(|all| [Status::Ok, Status::Degraded, Status::Lost].map(|s| all.iter().filter(|t| **t == s).count())),
         ok_but_off: pairs.iter().filter(|(r, e)| r.status == Some(Status::Ok) && e.position_m() >= 0.5).count(),
         maps: stage(|t| t.maps_ms),
         features: stage(|t| t.features_ms),
@@ -190,7 +190,7 @@ mod tests {
         assert!((report.rms_lateral_m - (0.09_f64 / 2.0).sqrt()).abs() < 1e-9);
         assert!((report.mean_longitudinal_m - 0.4).abs() < 1e-9);
         assert!(report.rms_vertical_m < 1e-9);
-        assert!((report.rms_position_m - ((0.09 + 0.64_f64) / 2.0).sqrt()).abs() < 1e-9);
+        assert!((report.rms_position_m - 0.365_f64.sqrt()).abs() < 1e-9);
         assert!((report.share_under_half_metre - 0.5).abs() < 1e-12);
         assert!((report.mean_angle_rad - 0.01).abs() < 1e-9 && (report.max_angle_rad - 0.02).abs() < 1e-9);
         assert_eq!(report.ok_but_off, 1);

@@ -76,7 +76,12 @@ pub struct State {
 
 impl State {
     /// Independent beliefs about pose and velocity.
-    pub fn new(map_from_camera: Pose, pose_covariance: &Matrix6<f64>, velocity: Tangent, velocity_covariance: &Matrix6<f64>) -> Self {
+    pub fn new(
+        map_from_camera: Pose,
+        pose_covariance: &Matrix6<f64>,
+        velocity: Tangent,
+        velocity_covariance: &Matrix6<f64>,
+    ) -> Self {
         let mut covariance = Matrix12::zeros();
         covariance.fixed_view_mut::<6, 6>(0, 0).copy_from(pose_covariance);
         covariance.fixed_view_mut::<6, 6>(6, 6).copy_from(velocity_covariance);

@@ -92,14 +92,15 @@ pub fn simulate(truth: &[Pose], config: &GpsConfig, seed: u64) -> Vec<GpsFix> {
 /// [`Error::GpsRow`] and [`Error::GpsTime`] at their line, and
 /// [`common::Error::Io`] or [`common::Error::BadNumber`].
 pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<BTreeMap<usize, GpsFix>> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| common::Error::Io { path: path.to_path_buf(), source })?;
+    let text =
+        std::fs::read_to_string(path).map_err(|source| common::Error::Io { path: path.to_path_buf(), source })?;
     let mut fixes = BTreeMap::new();
     let rows = text.lines().enumerate().map(|(i, row)| (i + 1, row.trim()));
     for (index, (line, row)) in rows.filter(|(_, row)| !row.is_empty() && !row.starts_with('#')).enumerate() {
         let values = numbers(path, line, row)?;
         let position = |i: [usize; 3]| Point3::new(values[i[0]], values[i[1]], values[i[2]]);
-        let yaw = |forward_x: f64, forward_z: f64| Some((forward_x.atan2(forward_z), config.heading_sigma_deg.to_radians()));
+        let yaw =
+            |forward_x: f64, forward_z: f64| Some((forward_x.atan2(forward_z), config.heading_sigma_deg.to_radians()));
         let (frame, position_map, heading) = match values.len() {
             4 => (frame_at(path, line, values[0], times_s)?, position([1, 2, 3]), None),
             8 => {
@@ -126,7 +127,8 @@ fn bad_number(path: &Path, line: usize, text: &str) -> Error {
 }
 
 fn numbers(path: &Path, line: usize, row: &str) -> Result<Vec<f64>> {
-    row.split([' ', '\t', ',']).filter(|word| !word.is_empty())
+    row.split([' ', '\t', ','])
+        .filter(|word| !word.is_empty())
         .map(|word| word.parse().map_err(|_| bad_number(path, line, word)))
         .collect()
 }

@@ -6,8 +6,8 @@ use nalgebra::{Point2, Point3, Vector2};
 use serde::{Deserialize, Serialize};
 
 use crate::features::PointFeature;
-use crate::preselect::{Candidates, LaneCandidate, PoleCandidate, SignCandidate};
 use crate::prepare::{MAX_KNOTS, PreparedLane, PreparedPole};
+use crate::preselect::{Candidates, LaneCandidate, PoleCandidate, SignCandidate};
 use crate::projection::{ImageSize, NEAR_M, View, fraction_in_space};
 use crate::residual::Observation;
 
@@ -72,12 +72,7 @@ pub struct Pairing {
 
 impl Pairing {
     fn empty() -> Self {
-        let blank = Observation {
-            point_map: Point3::origin(),
-            normal: Vector2::x(),
-            offset_px: 0.0,
-            sigma_px: 1.0,
-        };
+        let blank = Observation { point_map: Point3::origin(), normal: Vector2::x(), offset_px: 0.0, sigma_px: 1.0 };
         Self { observations: [blank; MAX_KNOTS], count: 0 }
     }
 
@@ -114,7 +109,7 @@ pub struct PoleImage {
 }
 
 impl PoleImage {
-    /// pi_L (eq. 6, 7): cut at the near plane; none wholly behind it.
+    /// Eq. 6 and 7: cut at the near plane; none wholly behind it.
     pub fn new(view: &View, pole: &PoleCandidate) -> Option<Self> {
         let (mut foot_map, mut top_map) = (pole.foot_map, pole.top_map);
         let (mut foot, mut top) = (view.to_camera(&foot_map), view.to_camera(&top_map));
@@ -163,7 +158,14 @@ impl PoleImage {
     /// lower happens where the top is hidden. `slack_px` is the standard
     /// deviation of the pose's shift along the pole, `rows_px` the stretch in
     /// which ends of features lie.
-    pub fn ends_support(&self, feature: &PreparedPole, noise: &NoiseConfig, focal_px: f64, slack_px: f64, rows_px: f64) -> f64 {
+    pub fn ends_support(
+        &self,
+        feature: &PreparedPole,
+        noise: &NoiseConfig,
+        focal_px: f64,
+        slack_px: f64,
+        rows_px: f64,
+    ) -> f64 {
         let along = |p: &Point2<f64>| feature.down.dot(&(p - feature.upper_px));
         let sigma_px = (noise.foot_sigma_m * focal_px / self.foot_depth_m).hypot(slack_px).max(1.0);
         let gaussian = |off_px: f64| {
@@ -243,7 +245,12 @@ pub struct LaneVertex {
 
 /// Appends the image of a lane candidate to `out`, cut at the near plane;
 /// returns the range of its vertices.
-pub fn project_lane(view: &View, candidates: &Candidates, lane: &LaneCandidate, out: &mut Vec<LaneVertex>) -> (usize, usize) {
+pub fn project_lane(
+    view: &View,
+    candidates: &Candidates,
+    lane: &LaneCandidate,
+    out: &mut Vec<LaneVertex>,
+) -> (usize, usize) {
     let start = out.len();
     // The point a hair before the plane projects; rounding may not.
     let plane_m = NEAR_M * (1.0 + 1e-9);
@@ -265,7 +272,13 @@ pub fn project_lane(view: &View, candidates: &Candidates, lane: &LaneCandidate, 
 /// The pair of a lane feature and a projected lane line: for each knot of the
 /// feature the nearest point of the line, against the knot's tangent. None
 /// where fewer than two knots have a part of the line beside them.
-pub fn pair_lane(vertices: &[LaneVertex], feature: &PreparedLane, noise: &NoiseConfig, focal_px: f64, reach_px: f64) -> Option<Pairing> {
+pub fn pair_lane(
+    vertices: &[LaneVertex],
+    feature: &PreparedLane,
+    noise: &NoiseConfig,
+    focal_px: f64,
+    reach_px: f64,
+) -> Option<Pairing> {
     let mut pairing = Pairing::empty();
     for knot in feature.knots() {
         let Some((point_map, depth_m)) = nearest_on(vertices, &knot.at_px, reach_px) else { continue };
@@ -311,15 +324,18 @@ fn nearest_on(vertices: &[LaneVertex], pixel: &Point2<f64>, reach_px: f64) -> Op
     }
     let (a, b, fraction) = best.1?;
     let share = fraction_in_space(fraction, a.depth_m, b.depth_m);
-    Some((
-        a.point_map + (b.point_map - a.point_map) * share,
-        a.depth_m + (b.depth_m - a.depth_m) * share,
-    ))
+    Some((a.point_map + (b.point_map - a.point_map) * share, a.depth_m + (b.depth_m - a.depth_m) * share))
 }
 
 /// The pair of a sign and a feature (eq. 8), at the sign's depth (m); none
 /// where their sizes do not agree.
-pub fn pair_sign(sign: &SignCandidate, depth_m: f64, feature: &PointFeature, noise: &NoiseConfig, focal_px: f64) -> Option<Pairing> {
+pub fn pair_sign(
+    sign: &SignCandidate,
+    depth_m: f64,
+    feature: &PointFeature,
+    noise: &NoiseConfig,
+    focal_px: f64,
+) -> Option<Pairing> {
     let expected_px = sign.size_m * focal_px / depth_m;
     let found_px = feature.extent_px.norm();
     let ratio = (found_px / expected_px.max(1e-9)).max(expected_px / found_px.max(1e-9));

@@ -7,8 +7,8 @@ use common::map::SemanticMap;
 use crate::associate::paper::{PaperScene, associate_and_localize};
 use crate::config::Config;
 use crate::estimate::{PoseEstimate, Status};
-use crate::preselect::{Candidates, Lookup, PreselectConfig, Reach};
 use crate::prepare::Prepared;
+use crate::preselect::{Candidates, Lookup, PreselectConfig, Reach};
 use crate::projection::ImageSize;
 use crate::road_index::RoadIndex;
 use crate::start::Rough;
@@ -31,7 +31,13 @@ pub struct PaperTracker<'a> {
 
 impl<'a> PaperTracker<'a> {
     /// A localizer that knows nothing of its position yet.
-    pub fn new(map: &'a SemanticMap, index: &'a RoadIndex, camera: &PinholeCamera, image: ImageSize, config: &Config) -> Self {
+    pub fn new(
+        map: &'a SemanticMap,
+        index: &'a RoadIndex,
+        camera: &PinholeCamera,
+        image: ImageSize,
+        config: &Config,
+    ) -> Self {
         let mut config = config.clone();
         // Lane lines 5 to 20 m ahead, whatever the default method uses.
         let paper = PreselectConfig { lane_near_m: 5.0, lane_far_m: 20.0, ..config.preselect };
@@ -52,6 +58,7 @@ impl<'a> PaperTracker<'a> {
     /// The pose at the next frame; none before the first GPS fix.
     pub fn step(&mut self, input: &FrameInput<'_>) -> Option<PoseEstimate> {
         self.prepared.fill(input.features);
+        let is_start = self.past.len() < 2;
         let predicted = self.predict(input)?;
         let lookup = Lookup {
             map: self.map,
@@ -60,8 +67,9 @@ impl<'a> PaperTracker<'a> {
             image: self.image,
             config: &self.config.preselect,
         };
+        let paper = if is_start { self.config.paper.at_start() } else { self.config.paper };
         // D5 says how far from the prediction the pose may be.
-        let reach = Reach { position_m: self.config.paper.d5_m, angle_rad: 0.05 };
+        let reach = Reach { position_m: paper.d5_m, angle_rad: 0.1 };
         lookup.select(&predicted, &reach, &mut self.candidates);
         let scene = PaperScene {
             camera: &self.camera,
@@ -69,7 +77,7 @@ impl<'a> PaperTracker<'a> {
             candidates: &self.candidates,
             noise: &self.config.noise,
         };
-        let result = associate_and_localize(&scene, &predicted, self.frames, &self.config.paper);
+        let result = associate_and_localize(&scene, &predicted, self.frames, &paper);
         self.frames += 1;
         self.past.insert(0, result.map_from_camera);
         self.past.truncate(2);

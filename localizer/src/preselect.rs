@@ -30,13 +30,7 @@ pub struct PreselectConfig {
 
 impl Default for PreselectConfig {
     fn default() -> Self {
-        Self {
-            min_relative_size: 0.017,
-            max_distance_m: 100.0,
-            lane_near_m: 5.0,
-            lane_far_m: 30.0,
-            use_trunks: false,
-        }
+        Self { min_relative_size: 0.017, max_distance_m: 100.0, lane_near_m: 5.0, lane_far_m: 30.0, use_trunks: false }
     }
 }
 
@@ -119,10 +113,7 @@ impl Reach {
     /// Three standard deviations of a pose covariance (camera tangent).
     pub fn of_covariance(covariance: &Matrix6<f64>) -> Self {
         let sigma = |i: usize| covariance[(i, i)].max(0.0).sqrt();
-        Self {
-            position_m: 3.0 * sigma(0).hypot(sigma(2)),
-            angle_rad: 3.0 * sigma(3).max(sigma(4)).max(sigma(5)),
-        }
+        Self { position_m: 3.0 * sigma(0).hypot(sigma(2)), angle_rad: 3.0 * sigma(3).max(sigma(4)).max(sigma(5)) }
     }
 }
 
@@ -284,12 +275,7 @@ mod tests {
     const NONE: Reach = Reach { position_m: 0.0, angle_rad: 0.0 };
 
     fn pole(x: f64, z: f64, length_m: f64, kind: PoleKind) -> Pole {
-        Pole {
-            kind,
-            foot_map: Point3::new(x, 1.6, z),
-            top_map: Point3::new(x, 1.6 - length_m, z),
-            road: RoadId(0),
-        }
+        Pole { kind, foot_map: Point3::new(x, 1.6, z), top_map: Point3::new(x, 1.6 - length_m, z), road: RoadId(0) }
     }
 
     fn map() -> SemanticMap {
@@ -323,8 +309,7 @@ mod tests {
 
     fn select(reach: &Reach, config: &PreselectConfig) -> Candidates {
         let map = map();
-        let lookup =
-            Lookup { map: &map, index: &RoadIndex::new(&map), camera: &camera(), image: IMAGE, config };
+        let lookup = Lookup { map: &map, index: &RoadIndex::new(&map), camera: &camera(), image: IMAGE, config };
         let mut out = Candidates::default();
         lookup.select(&Pose::identity(), reach, &mut out);
         out

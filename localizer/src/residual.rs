@@ -27,12 +27,7 @@ pub struct Observation {
 
 impl Observation {
     /// The point is seen on the line through `on_line_px` with this normal.
-    pub fn on_line(
-        point_map: Point3<f64>,
-        normal: Vector2<f64>,
-        on_line_px: &Point2<f64>,
-        sigma_px: f64,
-    ) -> Self {
+    pub fn on_line(point_map: Point3<f64>, normal: Vector2<f64>, on_line_px: &Point2<f64>, sigma_px: f64) -> Self {
         Self { point_map, normal, offset_px: normal.dot(&on_line_px.coords), sigma_px }
     }
 

@@ -35,7 +35,14 @@ pub enum Localizer<'a> {
 
 impl<'a> Localizer<'a> {
     /// A localizer that knows nothing of its position yet.
-    pub fn new(method: Method, map: &'a SemanticMap, index: &'a RoadIndex, camera: &PinholeCamera, image: ImageSize, config: &Config) -> Self {
+    pub fn new(
+        method: Method,
+        map: &'a SemanticMap,
+        index: &'a RoadIndex,
+        camera: &PinholeCamera,
+        image: ImageSize,
+        config: &Config,
+    ) -> Self {
         match method {
             Method::Robust => Self::Robust(Box::new(Tracker::new(map, index, camera, image, config))),
             Method::Paper => Self::Paper(Box::new(PaperTracker::new(map, index, camera, image, config))),
@@ -86,7 +93,11 @@ pub struct FrameFeatures {
 }
 
 /// Localizes the frames in order. Frames before the first fix give nothing.
-pub fn localize(frames: &[FrameFeatures], fixes: &BTreeMap<usize, GpsFix>, mut localizer: Localizer<'_>) -> Vec<FrameResult> {
+pub fn localize(
+    frames: &[FrameFeatures],
+    fixes: &BTreeMap<usize, GpsFix>,
+    mut localizer: Localizer<'_>,
+) -> Vec<FrameResult> {
     let step = |seen: &FrameFeatures| {
         let started = Instant::now();
         let input = FrameInput { time_s: seen.time_s, features: &seen.features, gps: fixes.get(&seen.frame) };

@@ -196,9 +196,7 @@ fn local_derivative(prior: &Prior, pose: &Pose, error: &Tangent) -> Matrix6<f64>
     };
     let mut derivative = Matrix6::zeros();
     derivative.fixed_view_mut::<3, 3>(0, 0).copy_from(relative.matrix());
-    derivative
-        .fixed_view_mut::<3, 3>(3, 3)
-        .copy_from(&(Matrix3::identity() + hat * 0.5 + hat * hat * second));
+    derivative.fixed_view_mut::<3, 3>(3, 3).copy_from(&(Matrix3::identity() + hat * 0.5 + hat * hat * second));
     derivative
 }
 

@@ -193,7 +193,13 @@ impl Search {
     }
 
     /// Scores all cells, best first; returns the steps that were used.
-    fn score_cells(&mut self, scene: &Scene<'_>, rough: &Rough, associator: &mut Associator, config: &StartConfig) -> (f64, f64) {
+    fn score_cells(
+        &mut self,
+        scene: &Scene<'_>,
+        rough: &Rough,
+        associator: &mut Associator,
+        config: &StartConfig,
+    ) -> (f64, f64) {
         let reach = rough.sigmas * config.reach_sigmas;
         let (mut step_m, mut step_rad) = (config.step_m, config.step_rad);
         let count = |step_m: f64, step_rad: f64| {

@@ -15,7 +15,7 @@ use crate::projection::{ImageSize, NEAR_M, View};
 /// Size of the made-up images.
 pub const IMAGE: ImageSize = ImageSize { width_px: 1226.0, height_px: 370.0 };
 /// Time between frames, seconds.
-pub const DT_S: f64 = 0.1;
+const DT_S: f64 = 0.1;
 /// Height of the camera above the road, metres.
 const CAMERA_HEIGHT_M: f64 = 1.65;
 
@@ -40,6 +40,11 @@ pub struct Recipe {
     pub false_poles: usize,
     /// Speed, m/s.
     pub speed_m_s: f64,
+}
+
+/// Time of a frame, seconds.
+pub fn time_s(frame: usize) -> f64 {
+    frame as f64 * DT_S
 }
 
 impl Default for Recipe {
@@ -188,11 +193,6 @@ impl World {
             .collect();
         let camera = crate::projection::tests::camera();
         Self { camera, map, truth, exact, recipe }
-    }
-
-    /// Time of a frame, seconds.
-    pub fn time_s(&self, frame: usize) -> f64 {
-        frame as f64 * DT_S
     }
 
     /// What the camera sees in a frame.

@@ -25,8 +25,8 @@ use crate::estimate::{PoseEstimate, Status};
 use crate::features::Features;
 use crate::filter::State;
 use crate::gps::GpsFix;
-use crate::preselect::{Candidates, Lookup, Reach};
 use crate::prepare::Prepared;
+use crate::preselect::{Candidates, Lookup, Reach};
 use crate::projection::ImageSize;
 use crate::road_index::RoadIndex;
 use crate::start::{Rough, Search};
@@ -65,7 +65,13 @@ pub struct Tracker<'a> {
 
 impl<'a> Tracker<'a> {
     /// A localizer that knows nothing of its position yet.
-    pub fn new(map: &'a SemanticMap, index: &'a RoadIndex, camera: &PinholeCamera, image: ImageSize, config: &Config) -> Self {
+    pub fn new(
+        map: &'a SemanticMap,
+        index: &'a RoadIndex,
+        camera: &PinholeCamera,
+        image: ImageSize,
+        config: &Config,
+    ) -> Self {
         Self {
             map,
             index,

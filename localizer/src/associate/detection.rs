@@ -104,8 +104,7 @@ impl DetectionConfig {
             // Along a pole the second residual spreads with its length.
             pole_per_px: count(features.poles.len()) / image.width_px,
             pole_spread_rad: self.pole_spread_rad,
-            lane_per_px2: count(features.lanes.len())
-                / (image.width_px * image.width_px * self.lane_spread_of_width),
+            lane_per_px2: count(features.lanes.len()) / (image.width_px * image.width_px * self.lane_spread_of_width),
             sign_per_px2: count(features.signs.len()) / (image.width_px * image.height_px),
         }
     }

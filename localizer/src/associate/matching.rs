@@ -6,8 +6,8 @@ use nalgebra::{Matrix2, Matrix6, Point2, Point3, Vector2};
 use super::detection::{Clutter, DetectionConfig};
 use crate::estimate::LandmarkId;
 use crate::measurement::{LaneVertex, NoiseConfig, Pairing, PoleImage, pair_lane, pair_sign, project_lane};
-use crate::preselect::Candidates;
 use crate::prepare::Prepared;
+use crate::preselect::Candidates;
 use crate::projection::{ImageSize, View};
 use crate::residual::Observation;
 
@@ -117,11 +117,6 @@ impl Matcher {
         self.matches.iter().map(|found| found.support).sum::<f64>() + unseen
     }
 
-    /// Makes a pair within the gate known.
-    fn offer(&mut self, feature: usize, candidate: usize, found: Match) {
-        self.pairs.push(Pair { feature, candidate, found });
-    }
-
     /// Mutual best of the offered pairs goes to `matches`; what was expected
     /// of the others is summed up by `missing(candidate)`.
     fn settle(&mut self, features: usize, candidates: usize, mut missing: impl FnMut(usize) -> f64) -> f64 {
@@ -130,9 +125,8 @@ impl Matcher {
         self.best_of_candidate.clear();
         self.best_of_candidate.resize(candidates, NONE);
         let pairs = &self.pairs;
-        let better = |new: usize, old: usize| {
-            pairs.get(old).is_none_or(|old| pairs[new].found.support > old.found.support)
-        };
+        let better =
+            |new: usize, old: usize| pairs.get(old).is_none_or(|old| pairs[new].found.support > old.found.support);
         for (i, pair) in pairs.iter().enumerate() {
             if better(i, self.best_of_feature[pair.feature]) {
                 self.best_of_feature[pair.feature] = i;
@@ -162,8 +156,8 @@ impl Matcher {
             let probability = scene.detection.pole(pole.kind, image.foot_depth_m);
             let sigma = pixel_sigma(view, &image.middle_map(), covariance);
             let slack_px = 3.0 * sigma.y;
-            let noise_px = (scene.noise.pole_sigma_m * focal_px / image.foot_depth_m)
-                .hypot(scene.noise.calibration_sigma_px);
+            let noise_px =
+                (scene.noise.pole_sigma_m * focal_px / image.foot_depth_m).hypot(scene.noise.calibration_sigma_px);
             for (i, feature) in scene.features.poles.iter().enumerate() {
                 // Far outside the gate already by the columns of the middles.
                 let middle = feature.upper_px + feature.down * (0.5 * feature.length_px);
@@ -184,13 +178,17 @@ impl Matcher {
                 let rows_px = 0.5 * scene.image.height_px;
                 let ends = image.ends_support(feature, scene.noise, focal_px, sigma.y, rows_px);
                 let support = probability.ln() + log_density + ends - clutter.poles_per_px2(length_px).ln();
-                self.offer(i, candidate, Match {
-                    landmark: LandmarkId::Pole(pole.index),
-                    feature: feature.index,
-                    pairing,
-                    distance2,
-                    support,
-                    unseen: 0.0,
+                self.pairs.push(Pair {
+                    feature: i,
+                    candidate,
+                    found: Match {
+                        landmark: LandmarkId::Pole(pole.index),
+                        feature: feature.index,
+                        pairing,
+                        distance2,
+                        support,
+                        unseen: 0.0,
+                    },
                 });
             }
         }
@@ -244,9 +242,8 @@ impl Matcher {
             let lane = &lanes[candidate];
             let points = &scene.candidates.lane_points_map[lane.start..lane.end];
             let seen = points.iter().filter_map(|p| view.project(p)).filter(|(p, _)| scene.image.contains(p, 0.0));
-            let (least_m, most_m) = seen.fold((f64::MAX, f64::MIN), |(least, most), (_, depth_m)| {
-                (depth_m.min(least), depth_m.max(most))
-            });
+            let (least_m, most_m) =
+                seen.fold((f64::MAX, f64::MIN), |(least, most), (_, depth_m)| (depth_m.min(least), depth_m.max(most)));
             if most_m - least_m > MIN_VISIBLE_LANE_M { (1.0 - scene.detection.lane(lane.kind)).ln() } else { 0.0 }
         })
     }
@@ -267,15 +264,19 @@ impl Matcher {
                 if distance2 > GATE {
                     continue;
                 }
-                let support = scene.detection.sign(sign.kind, depth_m).ln() + log_density
-                    - clutter.signs_per_px2().ln();
-                self.offer(i, candidate, Match {
-                    landmark: LandmarkId::Sign(sign.index),
-                    feature: *index,
-                    pairing,
-                    distance2,
-                    support,
-                    unseen: 0.0,
+                let support =
+                    scene.detection.sign(sign.kind, depth_m).ln() + log_density - clutter.signs_per_px2().ln();
+                self.pairs.push(Pair {
+                    feature: i,
+                    candidate,
+                    found: Match {
+                        landmark: LandmarkId::Sign(sign.index),
+                        feature: *index,
+                        pairing,
+                        distance2,
+                        support,
+                        unseen: 0.0,
+                    },
                 });
             }
         }

@@ -7,7 +7,7 @@
 //! and judges by the mean residual (eq. 13).
 //!
 //! The printed text of the algorithm was not at hand: this is rebuilt from its
-//! description, with the names D1 to D5, R1, R2 and lambda_n of the paper. What
+//! description, with the names D1 to D5, R1, R2 and `lambda_n` of the paper. What
 //! is known to fail as printed is repaired, each place marked `Repair`.
 
 use common::geometry::{PinholeCamera, Pose, local};
@@ -18,8 +18,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::estimate::{Correspondence, LandmarkId};
 use crate::measurement::{LaneVertex, NoiseConfig, Pairing, PoleImage, pair_lane, pair_sign, project_lane};
-use crate::preselect::Candidates;
 use crate::prepare::Prepared;
+use crate::preselect::Candidates;
 use crate::projection::View;
 use crate::residual::{Group, Observation};
 use crate::solver::{Loss, Prior, Problem, SolverConfig, solve};
@@ -39,6 +39,12 @@ pub struct PaperConfig {
     /// D5: how far a hypothesis may lie from the prediction. Printed without a
     /// unit; metres here.
     pub d5_m: f64,
+    /// Repair: while GPS predicts, D1 to D3 and D5 are this many times as wide
+    /// and `lambda_n` weighs by its square less, so that the pose can leave a
+    /// fix that is metres off.
+    pub start_factor: f64,
+    /// Hypotheses per frame while GPS predicts.
+    pub start_hypotheses: usize,
     /// R1: mean residual with which a hypothesis is taken at once, pixels.
     pub r1_px: f64,
     /// R2: mean residual above which the best hypothesis is refused, pixels.
@@ -66,6 +72,8 @@ impl Default for PaperConfig {
             d3_px: 40.0,
             d4_px: 10.0,
             d5_m: 1.0,
+            start_factor: 4.0,
+            start_hypotheses: 300,
             r1_px: 1.0,
             r2_px: 6.0,
             lambda_px2_m2: 36.0,
@@ -97,6 +105,39 @@ struct Pair {
     feature: usize,
     pairing: Pairing,
     distance_px: f64,
+}
+
+impl PaperConfig {
+    /// The settings for a frame that GPS predicts.
+    #[must_use]
+    pub fn at_start(&self) -> Self {
+        let factor = self.start_factor.max(1.0);
+        Self {
+            d1_px: self.d1_px * factor,
+            d2_px: self.d2_px * factor,
+            d3_px: self.d3_px * factor,
+            d5_m: self.d5_m * factor,
+            lambda_px2_m2: self.lambda_px2_m2 / (factor * factor),
+            lambda_px2_rad2: self.lambda_px2_rad2 / (factor * factor),
+            hypotheses: self.start_hypotheses,
+            ..*self
+        }
+    }
+}
+
+/// The best hypothesis so far.
+struct Best {
+    mean_px: f64,
+    map_from_camera: Pose,
+    covariance: Matrix6<f64>,
+    pairs: Vec<Pair>,
+}
+
+impl Best {
+    /// Repair: what it explains and how well, in pixels below the gate.
+    fn score(count: usize, mean_px: f64, gate_px: f64) -> f64 {
+        count as f64 * (gate_px - mean_px)
+    }
 }
 
 /// What the paper's method gives for one frame.
@@ -155,7 +196,9 @@ fn close_pairs(scene: &PaperScene<'_>, view: &View, gates: Gates) -> Vec<Vec<Pai
         for lane in &scene.candidates.lanes {
             vertices.clear();
             project_lane(view, scene.candidates, lane, &mut vertices);
-            let Some(pairing) = pair_lane(&vertices, feature, scene.noise, focal_px, 2.0 * gates.lane) else { continue };
+            let Some(pairing) = pair_lane(&vertices, feature, scene.noise, focal_px, 2.0 * gates.lane) else {
+                continue;
+            };
             let Some(distance_px) = distance_px(view, &pairing).filter(|d| *d < gates.lane) else { continue };
             pairs.push(Pair { landmark: LandmarkId::Lane(lane.index), feature: feature.index, pairing, distance_px });
         }
@@ -196,7 +239,12 @@ fn localize(scene: &PaperScene<'_>, pairs: &[Pair], prior: &Prior, start: &Pose)
 
 /// `Associate_and_localize`: the pose of a frame near `predicted`; `frame`
 /// makes the drawing differ from frame to frame.
-pub fn associate_and_localize(scene: &PaperScene<'_>, predicted: &Pose, frame: u64, config: &PaperConfig) -> PaperResult {
+pub fn associate_and_localize(
+    scene: &PaperScene<'_>,
+    predicted: &Pose,
+    frame: u64,
+    config: &PaperConfig,
+) -> PaperResult {
     let (l, r) = (config.lambda_px2_m2, config.lambda_px2_rad2);
     let information = Matrix6::from_diagonal(&Vector6::new(l, l, l, r, r, r));
     let prior = Prior { map_from_camera: *predicted, information };
@@ -207,7 +255,7 @@ pub fn associate_and_localize(scene: &PaperScene<'_>, predicted: &Pose, frame: u
         .filter(|pairs| !pairs.is_empty())
         .collect();
     let mut random = Pcg64::seed_from_u64(config.seed.wrapping_add(frame.wrapping_mul(0x9e37_79b9_7f4a_7c15)));
-    let mut best: Option<(usize, f64, Pose, Matrix6<f64>, Vec<Pair>)> = None;
+    let mut best: Option<Best> = None;
     let mut iterations = 0;
     for hypothesis in 0..config.hypotheses.max(1) {
         // The first hypothesis is the prediction's own; the others draw.
@@ -232,28 +280,24 @@ pub fn associate_and_localize(scene: &PaperScene<'_>, predicted: &Pose, frame: u
         let view = View::new(scene.camera, &solution.map_from_camera);
         let distances = pairs.iter().filter_map(|pair| distance_px(&view, &pair.pairing));
         let mean_px = distances.sum::<f64>() / pairs.len() as f64;
-        // Repair: the best of all hypotheses, by what it explains and how well,
-        // instead of the first that passes R2.
-        let is_better = best.as_ref().is_none_or(|(count, mean, ..)| {
-            let score = |count: usize, mean: f64| count as f64 * (config.d4_px - mean);
-            score(pairs.len(), mean_px) > score(*count, *mean)
-        });
-        if is_better {
+        // Repair: the best of all hypotheses instead of the first within R2.
+        let score = Best::score(pairs.len(), mean_px, config.d4_px);
+        if best.as_ref().is_none_or(|best| score > Best::score(best.pairs.len(), best.mean_px, config.d4_px)) {
             let covariance = solution.covariance().unwrap_or_else(Matrix6::identity);
-            best = Some((pairs.len(), mean_px, solution.map_from_camera, covariance, pairs));
+            best = Some(Best { mean_px, map_from_camera: solution.map_from_camera, covariance, pairs });
         }
         // R1: good enough to stop, with every feature that could be explained.
-        if best.as_ref().is_some_and(|(count, mean, ..)| *mean < config.r1_px && *count == possible.len()) {
+        if best.as_ref().is_some_and(|best| best.mean_px < config.r1_px && best.pairs.len() == possible.len()) {
             break;
         }
     }
-    let unknown = Matrix6::from_diagonal(&Vector6::new(l, l, l, r, r, r).map(|weight| 1.0 / weight.max(1e-9)));
-    let Some((_, mean_residual_px, map_from_camera, covariance, pairs)) =
-        best.filter(|(_, mean_px, ..)| *mean_px <= config.r2_px)
+    let Some(Best { mean_px: mean_residual_px, map_from_camera, covariance, pairs }) =
+        best.filter(|best| best.mean_px <= config.r2_px)
     else {
+        let unknown = Vector6::new(l, l, l, r, r, r).map(|weight| 1.0 / weight.max(1e-9));
         return PaperResult {
             map_from_camera: *predicted,
-            covariance: unknown,
+            covariance: Matrix6::from_diagonal(&unknown),
             correspondences: Vec::new(),
             mean_residual_px: 0.0,
             iterations,

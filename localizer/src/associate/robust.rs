@@ -112,8 +112,7 @@ impl Associator {
                 && self.previous.len() == self.matcher.matches.len()
                 && self.matcher.matches.iter().zip(&self.previous).all(|(m, p)| (m.landmark, m.feature) == *p);
             self.matcher.observations(&mut self.observations, &mut self.groups);
-            let problem =
-                Problem { camera: scene.camera, observations: &self.observations, prior: Some(prior) };
+            let problem = Problem { camera: scene.camera, observations: &self.observations, prior: Some(prior) };
             solution = solve(&problem, &mut self.groups, solver, &solution.map_from_camera);
             iterations += solution.iterations;
             gate = solution.covariance().unwrap_or(prior_covariance) * config.gate_inflation;

@@ -104,40 +104,45 @@ fn read(args: &EvalArgs, frames: usize) -> Result<(Vec<Recorded>, Vec<Timing>)> 
 
 /// Columns of the first row of a text file.
 fn columns(path: &Path) -> Result<usize> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| common::Error::Io { path: path.to_path_buf(), source })?;
+    let text =
+        std::fs::read_to_string(path).map_err(|source| common::Error::Io { path: path.to_path_buf(), source })?;
     let mut rows = text.lines().map(str::trim).filter(|row| !row.is_empty() && !row.starts_with('#'));
     Ok(rows.next().map_or(0, |row| row.split_whitespace().count()))
 }
 
+/// The figures as lines of text, the paper's beside.
 fn table(report: &Report) -> String {
-    let stage = |name: &str, stage: Option<StageTime>| {
-        stage.map_or(String::new(), |s| format!("{name:<24}{:>10.2} ms median {:>10.2} ms p99\n", s.median_ms, s.p99_ms))
-    };
     let paper = &report.paper;
-    let mut text = format!("{:<24}{:>10}{:>16}\n", format!("{} frames", report.frames), "here", "paper");
-    text += &format!("{:<24}{:>10.3}{:>16.3}\n", "position RMS, m", report.rms_position_m, paper.rms_position_m);
-    text += &format!("{:<24}{:>10.3}   mean {:+.3}\n", "  lateral RMS, m", report.rms_lateral_m, report.mean_lateral_m);
-    text += &format!("{:<24}{:>10.3}   mean {:+.3}\n", "  longitudinal RMS, m", report.rms_longitudinal_m, report.mean_longitudinal_m);
-    text += &format!("{:<24}{:>10.3}   mean {:+.3}\n", "  vertical RMS, m", report.rms_vertical_m, report.mean_vertical_m);
-    text += &format!("{:<24}{:>10.3}\n", "position max, m", report.max_position_m);
-    text += &format!(
-        "{:<24}{:>10.1}{:>16.1}\n",
-        "under 0.5 m, %",
-        100.0 * report.share_under_half_metre,
-        100.0 * paper.share_under_half_metre
-    );
-    text += &format!("{:<24}{:>10.4}{:>16.4}\n", "angle mean, rad", report.mean_angle_rad, paper.mean_angle_rad);
-    text += &format!("{:<24}{:>10.4}\n", "angle max, rad", report.max_angle_rad);
+    let beside = |name: &str, here: String, paper: String| format!("{name:<24}{here:>10}{paper:>16}");
+    let axis = |name: &str, rms: f64, mean: f64| format!("{name:<24}{rms:>10.3}   mean {mean:+.3}");
+    let mut lines = vec![
+        beside(&format!("{} frames", report.frames), "here".into(), "paper".into()),
+        beside("position RMS, m", format!("{:.3}", report.rms_position_m), format!("{:.3}", paper.rms_position_m)),
+        axis("  lateral RMS, m", report.rms_lateral_m, report.mean_lateral_m),
+        axis("  longitudinal RMS, m", report.rms_longitudinal_m, report.mean_longitudinal_m),
+        axis("  vertical RMS, m", report.rms_vertical_m, report.mean_vertical_m),
+        beside("position max, m", format!("{:.3}", report.max_position_m), String::new()),
+        beside(
+            "under 0.5 m, %",
+            format!("{:.1}", 100.0 * report.share_under_half_metre),
+            format!("{:.1}", 100.0 * paper.share_under_half_metre),
+        ),
+        beside("angle mean, rad", format!("{:.4}", report.mean_angle_rad), format!("{:.4}", paper.mean_angle_rad)),
+        beside("angle max, rad", format!("{:.4}", report.max_angle_rad), String::new()),
+    ];
     if let Some(mean) = report.mean_correspondences {
-        text += &format!("{:<24}{mean:>10.1}\n", "correspondences");
+        lines.push(beside("correspondences", format!("{mean:.1}"), String::new()));
     }
     if let Some([ok, degraded, lost]) = report.ok_degraded_lost {
-        text += &format!("{:<24}{ok} ok, {degraded} degraded, {lost} lost\n", "status");
-        text += &format!("{:<24}{:>10}\n", "ok but off by 0.5 m", report.ok_but_off);
+        lines.push(format!("{:<24}{ok} ok, {degraded} degraded, {lost} lost", "status"));
+        lines.push(beside("ok but off by 0.5 m", report.ok_but_off.to_string(), String::new()));
     }
-    text += &stage("probabilities", report.maps);
-    text += &stage("features", report.features);
-    text += &stage("association and pose", report.localize);
-    text
+    let stages =
+        [("probabilities", report.maps), ("features", report.features), ("association and pose", report.localize)];
+    for (name, stage) in stages {
+        if let Some(StageTime { median_ms, p99_ms }) = stage {
+            lines.push(format!("{name:<24}{median_ms:>10.2} ms median {p99_ms:>10.2} ms p99"));
+        }
+    }
+    lines.iter().map(|line| line.trim_end()).chain([""]).collect::<Vec<_>>().join("\n")
 }

@@ -68,7 +68,8 @@ impl InputArgs {
 
     /// Where the features come from.
     pub fn open_source(&self) -> Result<Source> {
-        let networks: Vec<&Path> = [&self.pole_net, &self.lane_net].into_iter().flatten().map(PathBuf::as_path).collect();
+        let networks: Vec<&Path> =
+            [&self.pole_net, &self.lane_net].into_iter().flatten().map(PathBuf::as_path).collect();
         Source::open(&networks, self.labels.as_deref())
     }
 
@@ -109,7 +110,12 @@ impl InputArgs {
 }
 
 /// Simulated fixes on the first of `frames`.
-pub fn simulated(frames: &[FrameFeatures], truth: &[Pose], config: &Config, seed: u64) -> Result<BTreeMap<usize, GpsFix>> {
+pub fn simulated(
+    frames: &[FrameFeatures],
+    truth: &[Pose],
+    config: &Config,
+    seed: u64,
+) -> Result<BTreeMap<usize, GpsFix>> {
     let starts: Vec<(usize, Pose)> = frames
         .iter()
         .take(config.gps.simulated_fixes)

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use nalgebra::Point2;
 
-use super::input::{Input, InputArgs, simulated, started};
 use super::ConfigArgs;
+use super::input::{Input, InputArgs, simulated, started};
 use crate::drive::Drive;
 use crate::estimate::Status;
 use crate::overlay::{self, ProjectedShape};
@@ -91,10 +91,17 @@ fn create(folder: &PathBuf) -> Result<()> {
 }
 
 /// The landmarks that may be seen from an estimate, in its image.
-fn shapes(input: &Input, index: &RoadIndex, config: &Config, drive: &Drive, result: &FrameResult) -> Vec<ProjectedShape> {
+fn shapes(
+    input: &Input,
+    index: &RoadIndex,
+    config: &Config,
+    drive: &Drive,
+    result: &FrameResult,
+) -> Vec<ProjectedShape> {
     let pose = &result.estimate.map_from_camera;
     let view = View::new(&drive.camera, pose);
-    let lookup = Lookup { map: &input.map, index, camera: &drive.camera, image: input.image, config: &config.preselect };
+    let lookup =
+        Lookup { map: &input.map, index, camera: &drive.camera, image: input.image, config: &config.preselect };
     let mut candidates = Candidates::default();
     lookup.select(pose, &Reach { position_m: 0.0, angle_rad: 0.0 }, &mut candidates);
     let mut shapes = Vec::new();
@@ -111,7 +118,8 @@ fn shapes(input: &Input, index: &RoadIndex, config: &Config, drive: &Drive, resu
     }
     for lane in &candidates.lanes {
         let points = candidates.lane_points_map.get(lane.start..lane.end).unwrap_or(&[]);
-        let points_px: Vec<Point2<f64>> = points.iter().filter_map(|p| view.project(p)).map(|(pixel, _)| pixel).collect();
+        let points_px: Vec<Point2<f64>> =
+            points.iter().filter_map(|p| view.project(p)).map(|(pixel, _)| pixel).collect();
         shapes.push(ProjectedShape::Lane { points_px });
     }
     shapes

@@ -94,7 +94,12 @@ fn localize_once(input: &Input, truth: &[Pose], method: Method, config: &Config,
     Ok(Draw { report, localize_ms: timing.iter().map(|t| t.localize_ms).collect(), lost })
 }
 
-const HEADER: &str = "method        RMS m  lat m  lon m  ver m  max m  <0.5 m %  angle rad  max rad  matches  lost  ok %  ok but off  median ms   p99 ms";
+const HEADER: &str = "method        RMS m  held m  lat m  lon m  ver m  max m  <0.5 m %  angle rad  max rad  matches  lost  ok %  ok but off  median ms   p99 ms";
+
+/// A length in a column of six; where a run has left the map, its magnitude.
+fn metres(length_m: f64) -> String {
+    if length_m < 1000.0 || length_m.is_nan() { format!("{length_m:>6.3}") } else { format!("{length_m:>6.0e}") }
+}
 
 /// One row over all draws: errors pooled, runs counted.
 fn row(name: &str, draws: &[Draw]) -> String {
@@ -107,6 +112,10 @@ fn row(name: &str, draws: &[Draw]) -> String {
     let angle = errors.iter().map(|e| e.angle_rad).sum::<f64>() / count;
     let most_rad = errors.iter().map(|e| e.angle_rad).fold(0.0, f64::max);
     let most_m = errors.iter().map(|e| e.position_m()).fold(0.0, f64::max);
+    // Of the draws that were not lost: a lost one may be anywhere.
+    let held: Vec<f64> =
+        draws.iter().filter(|d| !d.lost).flat_map(|d| &d.report.errors).map(|e| e.position_m().powi(2)).collect();
+    let held_m = if held.is_empty() { f64::NAN } else { (held.iter().sum::<f64>() / held.len() as f64).sqrt() };
     let runs = draws.len().max(1) as f64;
     let matches = draws.iter().filter_map(|d| d.report.mean_correspondences).sum::<f64>() / runs;
     let lost = draws.iter().filter(|d| d.lost).count();
@@ -115,11 +124,13 @@ fn row(name: &str, draws: &[Draw]) -> String {
     let times = StageTime::of(draws.iter().flat_map(|d| d.localize_ms.iter().copied()).collect());
     let (median_ms, p99_ms) = times.map_or((0.0, 0.0), |t| (t.median_ms, t.p99_ms));
     format!(
-        "{name:<12} {:>6.3} {:>6.3} {:>6.3} {:>6.3} {most_m:>6.2} {:>9.1} {angle:>10.4} {most_rad:>8.4} {matches:>8.1} {lost:>5} {:>5.1} {off:>11} {median_ms:>10.3} {p99_ms:>8.2}",
-        rms(&|e| e.position_m()),
-        rms(&|e| e.lateral_m),
-        rms(&|e| e.longitudinal_m),
-        rms(&|e| e.vertical_m),
+        "{name:<12} {} {} {} {} {} {} {:>9.1} {angle:>10.4} {most_rad:>8.4} {matches:>8.1} {lost:>5} {:>5.1} {off:>11} {median_ms:>10.3} {p99_ms:>8.2}",
+        metres(rms(&|e| e.position_m())),
+        metres(held_m),
+        metres(rms(&|e| e.lateral_m)),
+        metres(rms(&|e| e.longitudinal_m)),
+        metres(rms(&|e| e.vertical_m)),
+        metres(most_m),
         100.0 * under,
         100.0 * ok as f64 / count,
     )

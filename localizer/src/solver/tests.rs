@@ -44,7 +44,8 @@ fn displaced() -> Pose {
 fn exact_observations_lead_back_to_the_pose_in_a_few_steps() {
     let observations = observations(24, 0.0, 1);
     let problem = Problem { camera: &camera(), observations: &observations, prior: None };
-    let solution = solve(&problem, &mut pairs(24), &SolverConfig { loss: Loss::Quadratic, ..Default::default() }, &displaced());
+    let solution =
+        solve(&problem, &mut pairs(24), &SolverConfig { loss: Loss::Quadratic, ..Default::default() }, &displaced());
     assert!(solution.converged && solution.iterations <= 8, "{}", solution.iterations);
     assert!(local(&truth(), &solution.map_from_camera).norm() < 1e-6);
 }

@@ -58,10 +58,7 @@ pub fn judge(best: &Hypothesis, lead: f64, margin: f64, was_lost: bool, health: 
     let covariance = best.state.pose_covariance();
     let sigma_m = (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt();
     let verified = best.age_frames >= health.verify_frames;
-    if sigma_m > health.lost_sigma_m
-        || best.weak_frames >= health.lost_after_frames
-        || (was_lost && !verified)
-    {
+    if sigma_m > health.lost_sigma_m || best.weak_frames >= health.lost_after_frames || (was_lost && !verified) {
         return Status::Lost;
     }
     let ok = verified

@@ -257,7 +257,13 @@ impl Hypothesis {
     /// that are not worth the motion that they ask for are not believed: then
     /// the prediction stands, and the pose they ask for is returned, to be
     /// tracked as a jump.
-    pub fn observe(&mut self, scene: &Scene<'_>, associator: &mut Associator, gps: Option<&GpsFix>, config: &Config) -> Option<Refined> {
+    pub fn observe(
+        &mut self,
+        scene: &Scene<'_>,
+        associator: &mut Associator,
+        gps: Option<&GpsFix>,
+        config: &Config,
+    ) -> Option<Refined> {
         self.correspondences.clear();
         let covariance = self.state.pose_covariance();
         let predicted = self.state.map_from_camera;

@@ -73,8 +73,7 @@ pub fn find(scene: &Scene<'_>, best: &Hypothesis, associator: &mut Associator, c
     let mut found: Vec<Refined> = Vec::new();
     for (_, shifted) in scored.into_iter().take(rivals.refined) {
         let Some(prior) = Prior::new(shifted, &covariance) else { continue };
-        let refined =
-            associator.refine(scene, &shifted, &covariance, &prior, &config.robust, &config.solver);
+        let refined = associator.refine(scene, &shifted, &covariance, &prior, &config.robust, &config.solver);
         let Some(refined) = refined else { continue };
         let off_m = local(&pose, &refined.map_from_camera).fixed_rows::<3>(0).norm();
         if off_m >= rivals.distinct_m {

@@ -77,7 +77,7 @@ impl Default for LaneConfig {
             shortest_m: 10.0,
             fewest_dashes: 3,
             shortest_dash_m: 1.5,
-            largest_spread_m: 0.06,
+            largest_spread_m: 0.1,
             longest_gap_m: 13.0,
             solid_share: 0.7,
             apart_m: 0.4,

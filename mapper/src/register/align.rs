@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Matrix6, SMatrix};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{LocalMap, Surface};
+use super::{LocalMap, Surface, SurfaceConfig};
 use crate::voxel::Moments;
 
 /// How a scan is aligned with the local map.
@@ -18,6 +18,8 @@ pub struct AlignConfig {
     pub map_voxel_m: f64,
     /// Edge of the voxels that a scan is reduced to, metres.
     pub scan_voxel_m: f64,
+    /// What counts as a surface.
+    pub surface: SurfaceConfig,
     /// Nearest range used, metres: the carrier vehicle itself is nearer.
     pub nearest_m: f64,
     /// Farthest range used, metres: farther voxels hold too few points.
@@ -37,10 +39,11 @@ impl Default for AlignConfig {
     fn default() -> Self {
         Self {
             map_voxel_m: 1.0,
-            scan_voxel_m: 0.5,
+            scan_voxel_m: 0.65,
+            surface: SurfaceConfig::default(),
             nearest_m: 3.0,
             farthest_m: 60.0,
-            robust_sigmas: 2.0,
+            robust_sigmas: 1.0,
             first_sigmas: 32.0,
             keep_scans: 10,
             max_iterations: 20,
@@ -72,8 +75,8 @@ pub struct ScanSurface {
 }
 
 /// The surfaces of a scan reduced to voxels.
-pub fn scan_surfaces(cells: &[Moments]) -> Vec<ScanSurface> {
-    cells.iter().filter_map(Surface::of).map(|surface| ScanSurface { surface }).collect()
+pub fn scan_surfaces(cells: &[Moments], config: &SurfaceConfig) -> Vec<ScanSurface> {
+    cells.iter().filter_map(|cell| Surface::of(cell, config)).map(|surface| ScanSurface { surface }).collect()
 }
 
 #[derive(Clone)]
@@ -104,17 +107,14 @@ impl Normal {
     }
 }
 
-/// Cosine of the largest angle between the normals of two voxels of one plane.
-const SAME_PLANE_COS: f64 = 0.8;
-
-fn accumulate(map: &LocalMap, pose: &Pose, scan: &[ScanSurface], robust_sigmas: f64) -> Normal {
+fn accumulate(map: &LocalMap, pose: &Pose, scan: &[ScanSurface], robust_sigmas: f64, same_plane_cos: f64) -> Normal {
     let rotation = *pose.rotation.to_rotation_matrix().matrix();
     let mut sum = Normal::zero();
     for ScanSurface { surface } in scan {
         let moved = pose * surface.mean;
         let Some(target) = map.surface_at(&moved) else { continue };
         if let (Some(a), Some(b)) = (surface.normal, target.normal)
-            && (rotation * a).dot(&b).abs() < SAME_PLANE_COS
+            && (rotation * a).dot(&b).abs() < same_plane_cos
         {
             continue;
         }
@@ -143,7 +143,10 @@ const PIECE: usize = 1024;
 /// Aligns a scan, reduced to surfaces, with the map from a first guess.
 pub fn align(map: &LocalMap, scan: &[ScanSurface], guess: &Pose, config: &AlignConfig) -> Alignment {
     let normal = |pose: &Pose, sigmas: f64| {
-        let pieces: Vec<Normal> = scan.par_chunks(PIECE).map(|piece| accumulate(map, pose, piece, sigmas)).collect();
+        let pieces: Vec<Normal> = scan
+            .par_chunks(PIECE)
+            .map(|piece| accumulate(map, pose, piece, sigmas, config.surface.same_plane_cos))
+            .collect();
         pieces.iter().fold(Normal::zero(), Normal::plus)
     };
     let first_rms_m = normal(guess, config.robust_sigmas).rms_m();
@@ -208,12 +211,12 @@ mod tests {
     #[test]
     fn a_displaced_scan_is_put_back_within_a_centimetre() {
         let world = world();
-        let mut map = LocalMap::new(1.0, 10);
+        let mut map = LocalMap::new(1.0, 10, SurfaceConfig::default());
         map.insert(0, &voxel_moments(&world, 0.5), &Pose::identity());
         let truth = Pose::new(nalgebra::Vector3::new(0.7, 0.2, 0.05), nalgebra::Vector3::new(0.002, -0.003, 0.01));
         // The scan's own voxels are cut elsewhere than the map's.
         let scan: Vec<Point3<f64>> = world.iter().map(|p| truth.inverse() * p).collect();
-        let surfaces = scan_surfaces(&voxel_moments(&scan, 0.5));
+        let surfaces = scan_surfaces(&voxel_moments(&scan, 0.5), &SurfaceConfig::default());
         let guess =
             truth * Pose::new(nalgebra::Vector3::new(0.15, -0.1, 0.05), nalgebra::Vector3::new(0.0, 0.002, 0.005));
         let found = align(&map, &surfaces, &guess, &AlignConfig::default());

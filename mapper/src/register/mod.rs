@@ -7,5 +7,5 @@ mod odometry;
 
 pub use align::{AlignConfig, Alignment, ScanSurface, align, scan_surfaces};
 pub use graph::{GraphConfig, Motion, Refined, refine_poses};
-pub use local_map::{LocalMap, Surface};
+pub use local_map::{LocalMap, Surface, SurfaceConfig};
 pub use odometry::{RefineConfig, Registration, Report, refine};

@@ -99,7 +99,7 @@ fn cells(scan: &LidarScan, config: &AlignConfig) -> (Vec<Moments>, Vec<ScanSurfa
     let used: Vec<Point3<f64>> =
         scan.points.iter().filter(|p| range.contains(&p.coords.norm_squared())).copied().collect();
     let cells = voxel_moments(&used, config.scan_voxel_m);
-    let surfaces = scan_surfaces(&cells);
+    let surfaces = scan_surfaces(&cells, &config.surface);
     (cells, surfaces)
 }
 
@@ -107,7 +107,7 @@ fn cells(scan: &LidarScan, config: &AlignConfig) -> (Vec<Moments>, Vec<ScanSurfa
 fn odometry(drive: &Drive, frames: &[usize], angle_rad: f64, config: &AlignConfig) -> Result<Odometry> {
     let camera_from_velodyne = drive.camera_from_velodyne;
     let velodyne_from_camera = camera_from_velodyne.inverse();
-    let mut map = LocalMap::new(config.map_voxel_m, config.keep_scans);
+    let mut map = LocalMap::new(config.map_voxel_m, config.keep_scans, config.surface);
     let mut last: Option<(usize, Pose)> = None;
     let mut result = Odometry { motions: Vec::new(), rms_given_m: 0.0, rms_refined_m: 0.0 };
     let mut k = 0;

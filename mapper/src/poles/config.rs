@@ -112,7 +112,7 @@ impl Default for PoleConfig {
             thickest_m: 0.35,
             surface_sigma_m: 0.02,
             farthest_m: 40.0,
-            least_visibility: 0.15,
+            least_visibility: 0.08,
             longest_gap_m: 0.8,
             highest_foot_m: 2.0,
             foot_m: 0.6,

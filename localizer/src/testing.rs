@@ -38,6 +38,14 @@ pub struct Recipe {
     pub missed: f64,
     /// False pole features per frame.
     pub false_poles: usize,
+    /// Poles that stand there and are not in the map, as a share of those that
+    /// are; and as many are in the map and are gone.
+    pub changed: f64,
+    /// Largest distance of poles from the path, metres.
+    pub pole_reach_m: f64,
+    /// A corner in the middle of the drive: its angle, radians, and length,
+    /// metres.
+    pub corner: (f64, f64),
     /// Speed, m/s.
     pub speed_m_s: f64,
 }
@@ -58,6 +66,9 @@ impl Default for Recipe {
             map_sigma_m: 0.05,
             missed: 0.3,
             false_poles: 3,
+            changed: 0.0,
+            pole_reach_m: 12.0,
+            corner: (0.0, 10.0),
             speed_m_s: 12.0,
         }
     }
@@ -98,7 +109,10 @@ impl Random {
 /// The camera's pose on the road, `s_m` along it.
 fn on_road(s_m: f64, recipe: &Recipe) -> Pose {
     // Heading a slow sine; position its integral in small steps.
-    let heading = |s: f64| recipe.curvature * 60.0 * (s / 60.0).sin();
+    let (corner_rad, corner_m) = recipe.corner;
+    let turned = |s: f64| ((s - 0.5 * recipe.length_m) / corner_m + 0.5).clamp(0.0, 1.0);
+    let smooth = |x: f64| x * x * (3.0 - 2.0 * x);
+    let heading = |s: f64| recipe.curvature * 60.0 * (s / 60.0).sin() + corner_rad * smooth(turned(s));
     let steps = (s_m / 0.5).ceil().max(1.0);
     let ds = s_m / steps;
     let (mut x, mut z) = (0.0, 0.0);
@@ -125,9 +139,9 @@ impl World {
                 .collect();
             exact.roads.push(Road { path_map });
             for &right_m in recipe.lanes_m {
-                let points_map = (0..=10)
+                let points_map = (0..=25)
                     .map(|i| {
-                        on_road(s_m + f64::from(i) * stretch_m / 10.0, &recipe)
+                        on_road(s_m + f64::from(i) * stretch_m / 25.0, &recipe)
                             * Point3::new(right_m, CAMERA_HEIGHT_M, 0.0)
                     })
                     .collect();
@@ -138,7 +152,7 @@ impl World {
         let mut s_m = 5.0;
         while s_m < recipe.length_m + 90.0 {
             let side = if random.chance(0.5) { 1.0 } else { -1.0 };
-            let right_m = side * random.between(5.5, 12.0);
+            let right_m = side * random.between(5.5, recipe.pole_reach_m);
             let (kind, length_m) = match random.0.random_range(0..4) {
                 0 | 1 => (PoleKind::LampPost, random.between(4.0, 8.0)),
                 2 => (PoleKind::SignPost, random.between(2.2, 3.0)),
@@ -160,6 +174,8 @@ impl World {
             s_m += recipe.pole_spacing_m * random.between(0.4, 1.6);
         }
         let mut map = exact.clone();
+        map.poles.retain(|_| !random.chance(recipe.changed));
+        exact.poles.retain(|_| !random.chance(recipe.changed));
         for pole in &mut map.poles {
             // A pole is off as a whole; its axis hardly leans.
             let off = random.around(&Point3::origin(), recipe.map_sigma_m).coords;

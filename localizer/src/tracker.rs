@@ -154,8 +154,7 @@ impl<'a> Tracker<'a> {
         for hypothesis in &mut self.bank {
             hypothesis.constrain_to_path(self.map, &self.candidates.roads, &self.config.start);
             if let Some(jump) = hypothesis.observe(&scene, &mut self.associator, gps, &self.config) {
-                let past = hypothesis.past_weight - self.config.bank.jump_cost;
-                jumps.push(Hypothesis::beside(hypothesis, &jump, past));
+                jumps.push(Hypothesis::beside(hypothesis, &jump, self.config.bank.jump_cost));
             }
         }
         for jump in jumps {
@@ -220,10 +219,9 @@ impl<'a> Tracker<'a> {
             &self.config.robust,
             &self.config.solver,
         );
-        // Where nothing was tracked the past frames say nothing: 0 nats.
-        let past = if self.bank.is_empty() { 0.0 } else { -self.config.bank.newcomer_cost };
+        let handicap = if self.bank.is_empty() { 0.0 } else { self.config.bank.newcomer_cost };
         for refined in found {
-            self.add(Hypothesis::found(&refined, &region, past, &self.config));
+            self.add(Hypothesis::found(&refined, &region, handicap, &self.config));
         }
         self.sort();
     }
@@ -284,8 +282,7 @@ impl<'a> Tracker<'a> {
             let ahead = best.evidence - rival.evidence();
             margin = margin.min(ahead);
             if ahead < self.config.rivals.spawn_margin {
-                let past = best.past_weight - self.config.bank.jump_cost;
-                self.add(Hypothesis::beside(&best, &rival, past));
+                self.add(Hypothesis::beside(&best, &rival, self.config.bank.jump_cost));
             }
         }
         margin

@@ -25,6 +25,9 @@ pub struct HealthConfig {
     pub ok_lead: f64,
     /// Mean squared whitened residual up to which the matches agree.
     pub max_mean_square: f64,
+    /// Handicap up to which it is ok, nats: a pose that was jumped to must hold
+    /// for two seconds first.
+    pub max_handicap: f64,
     /// Frames in a row without support after which it is lost.
     pub lost_after_frames: usize,
     /// Least standard deviation of the region searched then, metres.
@@ -43,7 +46,8 @@ impl Default for HealthConfig {
             lost_sigma_m: 1.0,
             verify_frames: 5,
             ok_lead: 3.0,
-            max_mean_square: 4.0,
+            max_mean_square: 2.0,
+            max_handicap: 5.0,
             lost_after_frames: 8,
             search_sigma_m: 1.5,
             max_search_sigma_m: 6.0,
@@ -64,6 +68,7 @@ pub fn judge(best: &Hypothesis, lead: f64, margin: f64, was_lost: bool, health: 
     let ok = verified
         && sigma_m <= health.ok_sigma_m
         && best.support >= health.min_support
+        && best.handicap <= health.max_handicap
         && best.mean_square <= health.max_mean_square
         && lead >= health.ok_lead
         && margin >= 0.0;

@@ -32,6 +32,9 @@ pub struct BankConfig {
     /// landmarks are seen again with the same errors, so frames are not
     /// independent: 0.8 lets about five count.
     pub memory: f64,
+    /// Share of a handicap that is carried to the next frame: 0.95 halves it
+    /// within 13 frames.
+    pub handicap_memory: f64,
     /// Less evidence than the best by this much is refuted, nats.
     pub prune_margin: f64,
     /// What a hypothesis that was not tracked pays, nats: 5 says that one pose
@@ -68,6 +71,7 @@ impl Default for BankConfig {
             capacity: 4,
             young_frames: 4,
             memory: 0.8,
+            handicap_memory: 0.95,
             prune_margin: 30.0,
             newcomer_cost: 5.0,
             jump_cost: 15.0,
@@ -95,10 +99,13 @@ impl BankConfig {
 pub struct Hypothesis {
     /// Pose and velocity.
     pub state: State,
-    /// Evidence with fading memory, nats.
+    /// What speaks for it: evidence with fading memory less the handicap, nats.
     pub log_weight: f64,
     /// The evidence before this frame.
     pub past_weight: f64,
+    /// What it has to make up for, because it was not tracked from the start
+    /// or jumped, nats. It fades, too, but slowly.
+    pub handicap: f64,
     /// Frames that it was tracked for.
     pub age_frames: usize,
     /// Frames in a row whose support was below the least.
@@ -123,32 +130,33 @@ pub struct Hypothesis {
 
 impl Hypothesis {
     /// A pose that the search found; its speed is that of the region.
-    pub fn found(refined: &Refined, region: &State, past_weight: f64, config: &Config) -> Self {
+    pub fn found(refined: &Refined, region: &State, handicap: f64, config: &Config) -> Self {
         let velocity: Matrix6<f64> = region.covariance.fixed_view::<6, 6>(6, 6).into_owned();
         let pose = refined.covariance * config.robust.gate_inflation;
         let state = State::new(refined.map_from_camera, &pose, region.velocity, &velocity);
-        let mut hypothesis = Self::blank(state, past_weight);
+        let mut hypothesis = Self::blank(state, 0.0, handicap);
         hypothesis.speed_is_unknown = true;
         hypothesis.take(refined, refined.prior_cost);
         hypothesis
     }
 
     /// A rival of `best` that moves as it does.
-    pub fn beside(best: &Self, rival: &Refined, past_weight: f64) -> Self {
+    pub fn beside(best: &Self, rival: &Refined, jump_cost: f64) -> Self {
         let mut state = best.state.clone();
         state.update(&rival.map_from_camera, &rival.covariance);
         state.velocity = best.state.velocity;
-        let mut hypothesis = Self::blank(state, past_weight);
+        let mut hypothesis = Self::blank(state, best.past_weight, best.handicap + jump_cost);
         hypothesis.speed_is_unknown = best.speed_is_unknown;
         hypothesis.take(rival, rival.prior_cost);
         hypothesis
     }
 
-    fn blank(state: State, past_weight: f64) -> Self {
+    fn blank(state: State, past_weight: f64, handicap: f64) -> Self {
         Self {
             state,
-            log_weight: past_weight,
+            log_weight: past_weight - handicap,
             past_weight,
+            handicap,
             age_frames: 0,
             weak_frames: 0,
             speed_is_unknown: false,
@@ -169,7 +177,7 @@ impl Hypothesis {
         self.iterations = refined.iterations;
         self.converged = refined.converged;
         self.evidence = refined.support + refined.occam - surprise;
-        self.log_weight = self.past_weight + self.evidence;
+        self.log_weight = self.past_weight + self.evidence - self.handicap;
     }
 
     /// Both tell the same.
@@ -193,7 +201,8 @@ impl Hypothesis {
     /// Moves on by `dt_s` into `out`: once, or once for each speed while the
     /// speed is unknown.
     pub fn predict(mut self, dt_s: f64, config: &Config, out: &mut Vec<Self>) {
-        self.past_weight = self.log_weight * config.bank.memory;
+        self.past_weight = (self.past_weight + self.evidence) * config.bank.memory;
+        self.handicap *= config.bank.handicap_memory;
         self.age_frames += 1;
         if !self.speed_is_unknown || dt_s <= 0.0 {
             self.state = self.state.predicted(dt_s, &config.motion);
@@ -277,7 +286,7 @@ impl Hypothesis {
             self.converged = refined.converged;
             self.support = refined.support - associator.matcher.worth();
             self.evidence = self.support - gps_surprise(&predicted);
-            self.log_weight = self.past_weight + self.evidence;
+            self.log_weight = self.past_weight + self.evidence - self.handicap;
             self.weak_frames += 1;
             return (refined.matches > 0).then_some(refined);
         }

@@ -21,12 +21,19 @@ pub struct RivalConfig {
     /// Shifts along the road that are tried, metres: what repeats along roads
     /// (dashes, delineators) and what a motion surprise may be.
     pub along_m: Vec<f64>,
+    /// Shifts along the least certain direction of the pose that are tried,
+    /// metres; a turn counts by how it shifts what is [`Self::lever_m`] ahead.
+    pub uncertain_m: Vec<f64>,
+    /// Distance at which a turn is weighed as a shift, metres: where most
+    /// landmarks are.
+    pub lever_m: f64,
     /// The best of the shifted poses that are refined.
     pub refined: usize,
     /// A rival that has less support than the best by no more than this is
     /// tracked on, nats.
     pub spawn_margin: f64,
-    /// A rival lies at least this far from the best, metres.
+    /// A rival lies at least this far from the best, metres; turns count as
+    /// above.
     pub distinct_m: f64,
 }
 
@@ -35,8 +42,10 @@ impl Default for RivalConfig {
         Self {
             sideways_m: vec![-3.5, -1.5, 1.5, 3.5],
             along_m: vec![-6.0, -3.0, -1.5, 1.5, 3.0, 6.0],
+            uncertain_m: vec![-1.0, 1.0],
+            lever_m: 20.0,
             refined: 2,
-            spawn_margin: 2.0,
+            spawn_margin: 6.0,
             distinct_m: 0.7,
         }
     }
@@ -51,6 +60,16 @@ impl RivalConfig {
     }
 }
 
+/// The direction in which the pose is least certain, as a shift of one metre
+/// (a turn by its effect at `lever_m`).
+fn least_certain(covariance: &Matrix6<f64>, lever_m: f64) -> Tangent {
+    let scale = Vector6::new(1.0, 1.0, 1.0, lever_m, lever_m, lever_m);
+    let scaled = Matrix6::from_fn(|i, j| covariance[(i, j)] * scale[i] * scale[j]);
+    let eigen = scaled.symmetric_eigen();
+    let largest = eigen.eigenvalues.imax();
+    eigen.eigenvectors.column(largest).component_div(&scale)
+}
+
 /// The refined rivals of `best` in this scene, all distinct from it.
 pub fn find(scene: &Scene<'_>, best: &Hypothesis, associator: &mut Associator, config: &Config) -> Vec<Refined> {
     let rivals = &config.rivals;
@@ -60,6 +79,8 @@ pub fn find(scene: &Scene<'_>, best: &Hypothesis, associator: &mut Associator, c
         .iter()
         .map(|&m| Tangent::new(m, 0.0, 0.0, 0.0, 0.0, 0.0))
         .chain(rivals.along_m.iter().map(|&m| Tangent::new(0.0, 0.0, m, 0.0, 0.0, 0.0)));
+    let direction = least_certain(&best.state.pose_covariance(), rivals.lever_m);
+    let shifts = shifts.chain(rivals.uncertain_m.iter().map(|&m| direction * m));
     // Each is as uncertain as the shifts are apart.
     let sigmas = Vector6::new(0.5, 0.1, 0.6, 0.01, 0.015, 0.01);
     let covariance = Matrix6::from_diagonal(&sigmas.component_mul(&sigmas));
@@ -75,8 +96,9 @@ pub fn find(scene: &Scene<'_>, best: &Hypothesis, associator: &mut Associator, c
         let Some(prior) = Prior::new(shifted, &covariance) else { continue };
         let refined = associator.refine(scene, &shifted, &covariance, &prior, &config.robust, &config.solver);
         let Some(refined) = refined else { continue };
-        let off_m = local(&pose, &refined.map_from_camera).fixed_rows::<3>(0).norm();
-        if off_m >= rivals.distinct_m {
+        let off = local(&pose, &refined.map_from_camera);
+        let turned_m = off.fixed_rows::<3>(3).norm() * rivals.lever_m;
+        if off.fixed_rows::<3>(0).norm().max(turned_m) >= rivals.distinct_m {
             found.push(refined);
         }
     }

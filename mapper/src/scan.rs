@@ -46,9 +46,9 @@ impl LidarScan {
     }
 }
 
-/// A point whose ray is turned up by an angle of given sine and cosine, about
+/// A point (Velodyne frame) whose ray is turned up by an angle of given sine and cosine, about
 /// the horizontal axis across it.
-fn raised(p: &Point3<f64>, (sin, cos): (f64, f64)) -> Point3<f64> {
+pub fn raised(p: &Point3<f64>, (sin, cos): (f64, f64)) -> Point3<f64> {
     let level = p.x.hypot(p.y);
     if level < 1e-9 {
         return *p;

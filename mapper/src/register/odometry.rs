@@ -1,7 +1,10 @@
 //! From the survey's poses to poses that the scans agree with.
 
+use std::collections::BTreeMap;
+
 use common::geometry::{Pose, interpolate, local};
 use nalgebra::{Matrix6, Point3, UnitQuaternion};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::align::{AlignConfig, ScanSurface, align, scan_surfaces};
@@ -9,7 +12,7 @@ use super::graph::{GraphConfig, Motion, refine_poses};
 use super::local_map::LocalMap;
 use crate::drive::Drive;
 use crate::error::Result;
-use crate::scan::LidarScan;
+use crate::scan::raised;
 use crate::voxel::{Moments, voxel_moments};
 
 /// How the survey's poses are refined.
@@ -88,34 +91,53 @@ impl Registration {
     }
 }
 
+/// Scans that are read ahead in parallel: what is held in memory at a time.
+const BATCH: usize = 8;
+
 struct Odometry {
     motions: Vec<Motion>,
     rms_given_m: f64,
     rms_refined_m: f64,
 }
 
-fn cells(scan: &LidarScan, config: &AlignConfig) -> (Vec<Moments>, Vec<ScanSurface>) {
+/// Voxels of scans that were read already, by frame, before any raising.
+type KnownCells = BTreeMap<usize, Vec<Moments>>;
+
+fn read_cells(drive: &Drive, frame: usize, config: &AlignConfig) -> Result<Vec<Moments>> {
     let range = config.nearest_m.powi(2)..config.farthest_m.powi(2);
-    let used: Vec<Point3<f64>> =
-        scan.points.iter().filter(|p| range.contains(&p.coords.norm_squared())).copied().collect();
-    let cells = voxel_moments(&used, config.scan_voxel_m);
-    let surfaces = scan_surfaces(&cells, &config.surface);
-    (cells, surfaces)
+    let scan = drive.read(frame, 0.0)?;
+    let used: Vec<Point3<f64>> = scan.points.into_iter().filter(|p| range.contains(&p.coords.norm_squared())).collect();
+    Ok(voxel_moments(&used, config.scan_voxel_m))
 }
 
-/// Registers each scan of `frames` against those before it.
-fn odometry(drive: &Drive, frames: &[usize], angle_rad: f64, config: &AlignConfig) -> Result<Odometry> {
+/// Registers each scan of `frames`, raised by an angle, against those before it.
+fn odometry(
+    drive: &Drive,
+    frames: &[usize],
+    angle_rad: f64,
+    config: &AlignConfig,
+    known: &KnownCells,
+) -> Result<Odometry> {
     let camera_from_velodyne = drive.camera_from_velodyne;
     let velodyne_from_camera = camera_from_velodyne.inverse();
     let mut map = LocalMap::new(config.map_voxel_m, config.keep_scans, config.surface);
     let mut last: Option<(usize, Pose)> = None;
     let mut result = Odometry { motions: Vec::new(), rms_given_m: 0.0, rms_refined_m: 0.0 };
-    let mut k = 0;
-    drive.for_each(
-        frames,
-        angle_rad,
-        |_, scan| cells(&scan, config),
-        |frame, (cells, surfaces)| {
+    // A voxel is too small to be bent by the angle: its mean moves.
+    let turn = angle_rad.sin_cos();
+    let prepare = |frame: usize| -> Result<(Vec<Moments>, Vec<ScanSurface>)> {
+        let raise = |c: &Moments| Moments { mean: raised(&c.mean, turn), ..*c };
+        let cells: Vec<Moments> = match known.get(&frame) {
+            Some(cells) => cells.iter().map(raise).collect(),
+            None => read_cells(drive, frame, config)?.iter().map(raise).collect(),
+        };
+        let surfaces = scan_surfaces(&cells, &config.surface);
+        Ok((cells, surfaces))
+    };
+    for (b, batch) in frames.chunks(BATCH).enumerate() {
+        let prepared: Vec<Result<_>> = batch.par_iter().map(|frame| prepare(*frame)).collect();
+        for (k, (&frame, scan)) in batch.iter().zip(prepared).enumerate() {
+            let (cells, surfaces) = scan?;
             let pose = match last {
                 None => drive.survey[frame] * camera_from_velodyne,
                 Some((before, before_pose)) => {
@@ -139,11 +161,10 @@ fn odometry(drive: &Drive, frames: &[usize], angle_rad: f64, config: &AlignConfi
                     found.map_from_velodyne
                 }
             };
-            map.insert(k, &cells, &pose);
+            map.insert(b * BATCH + k, &cells, &pose);
             last = Some((frame, pose));
-            k += 1;
-        },
-    )?;
+        }
+    }
     let n = result.motions.len().max(1) as f64;
     result.rms_given_m = (result.rms_given_m / n).sqrt();
     result.rms_refined_m = (result.rms_refined_m / n).sqrt();
@@ -190,16 +211,19 @@ fn spaced_frames(drive: &Drive, settings: &VerticalAngleConfig) -> Vec<usize> {
 /// Trial angle of the secant, radians: of the size of real calibration errors.
 const TRIAL_RAD: f64 = 0.0035;
 
-/// The angle by which the lidar's points must be raised, radians.
-fn vertical_angle(drive: &Drive, config: &RefineConfig) -> Result<f64> {
+/// The angle by which the lidar's points must be raised, radians, and the
+/// scans that were read to find it.
+fn vertical_angle(drive: &Drive, config: &RefineConfig) -> Result<(f64, KnownCells)> {
     let settings = &config.vertical_angle;
     let frames = spaced_frames(drive, settings);
     let frames = frames.as_slice();
     if !settings.estimate || frames.len() < 4 {
-        return Ok(settings.fixed_rad);
+        return Ok((settings.fixed_rad, KnownCells::new()));
     }
+    let read: Vec<Result<_>> = frames.par_iter().map(|f| Ok((*f, read_cells(drive, *f, &config.align)?))).collect();
+    let known = read.into_iter().collect::<Result<KnownCells>>()?;
     let trial = |angle| -> Result<Vec<f64>> {
-        let found = odometry(drive, frames, angle, &config.align)?;
+        let found = odometry(drive, frames, angle, &config.align, &known)?;
         Ok(pitch_differences(drive, frames, &found.motions))
     };
     let (none, some) = rayon::join(|| trial(0.0), || trial(TRIAL_RAD));
@@ -207,14 +231,14 @@ fn vertical_angle(drive: &Drive, config: &RefineConfig) -> Result<f64> {
     let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
     let slope = (mean(&some) - mean(&none)) / TRIAL_RAD;
     if slope.abs() < 1e-3 {
-        return Ok(0.0);
+        return Ok((0.0, known));
     }
     let angle = -mean(&none) / slope;
     let n = none.len() as f64;
     let spread = none.iter().map(|d| (d - mean(&none)).powi(2)).sum::<f64>() / (n - 1.0);
     let sigma = (spread / n).sqrt() / slope.abs();
     let believed = angle.abs() < settings.largest_rad && angle.abs() > settings.significance * sigma;
-    Ok(if believed { angle } else { 0.0 })
+    Ok((if believed { angle } else { 0.0 }, known))
 }
 
 /// Refines the survey's poses of a drive by registering its stitched scans.
@@ -222,8 +246,8 @@ fn vertical_angle(drive: &Drive, config: &RefineConfig) -> Result<f64> {
 /// # Errors
 /// A scan that cannot be read.
 pub fn refine(drive: &Drive, config: &RefineConfig) -> Result<Registration> {
-    let angle = vertical_angle(drive, config)?;
-    let found = odometry(drive, &drive.frames, angle, &config.align)?;
+    let (angle, known) = vertical_angle(drive, config)?;
+    let found = odometry(drive, &drive.frames, angle, &config.align, &known)?;
     let survey: Vec<Pose> = drive.frames.iter().map(|f| drive.survey[*f]).collect();
     let refined = refine_poses(&survey, &found.motions, &config.graph);
     let moved: Vec<f64> = refined

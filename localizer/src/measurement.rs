@@ -181,7 +181,7 @@ impl PoleImage {
             noise.seen_end * gaussian(below_px) + if below_px < 0.0 { hidden } else { UNLIKELY }
         };
         let short_px = -along(&self.top_px);
-        let top = if feature.upper_is_cut || short_px > -2.0 * sigma_px { 1.0 } else { hidden };
+        let top = if feature.upper_is_cut || short_px < 2.0 * sigma_px { 1.0 } else { hidden };
         foot.ln() + top.ln()
     }
 
@@ -350,3 +350,6 @@ pub fn pair_sign(
     }
     Some(pairing)
 }
+
+#[cfg(test)]
+mod tests;

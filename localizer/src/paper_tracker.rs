@@ -113,3 +113,42 @@ impl<'a> PaperTracker<'a> {
         Some(rough.map_from_camera)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gps::{GpsConfig, simulate};
+    use crate::testing::{IMAGE, Recipe, World, time_s};
+    use common::geometry::local;
+
+    #[test]
+    fn a_clear_street_is_followed_from_good_fixes() {
+        let world = World::new(Recipe { missed: 0.1, false_poles: 1, length_m: 120.0, ..Recipe::default() });
+        let index = RoadIndex::new(&world.map);
+        let gps = GpsConfig { horizontal_sigma_m: 0.1, heading_sigma_deg: 0.2, ..GpsConfig::default() };
+        let fixes = simulate(&world.truth[..2], &gps, 4);
+        let mut tracker = PaperTracker::new(&world.map, &index, &world.camera, IMAGE, &Config::default());
+        let mut squares = Vec::new();
+        for frame in 0..world.truth.len() {
+            let features = world.features(frame);
+            let input = FrameInput { time_s: time_s(frame), features: &features, gps: fixes.get(frame) };
+            let estimate = tracker.step(&input).unwrap();
+            squares.push(local(&world.truth[frame], &estimate.map_from_camera).fixed_rows::<3>(0).norm_squared());
+        }
+        let rms_m = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+        assert!(rms_m < 0.5, "{rms_m} m");
+    }
+
+    #[test]
+    fn without_a_fix_there_is_no_pose_and_without_features_the_prediction() {
+        let world = World::new(Recipe { length_m: 40.0, ..Recipe::default() });
+        let index = RoadIndex::new(&world.map);
+        let mut tracker = PaperTracker::new(&world.map, &index, &world.camera, IMAGE, &Config::default());
+        let blank = crate::features::Features::default();
+        assert!(tracker.step(&FrameInput { time_s: 0.0, features: &blank, gps: None }).is_none());
+        let fix = crate::gps::GpsFix::from_pose(&world.truth[0], &GpsConfig::default());
+        let estimate = tracker.step(&FrameInput { time_s: 0.0, features: &blank, gps: Some(&fix) }).unwrap();
+        assert_eq!(estimate.status, Status::Degraded);
+        assert!(estimate.correspondences.is_empty());
+    }
+}

@@ -248,3 +248,93 @@ pub fn is_alike(a: &Pose, b: &Pose, distance_m: f64, angle_rad: f64) -> bool {
     let between = local(a, b);
     between.fixed_rows::<3>(0).norm() <= distance_m && between.fixed_rows::<3>(3).norm() <= angle_rad
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::associate::detection::DetectionConfig;
+    use crate::measurement::NoiseConfig;
+    use crate::preselect::{Candidates, Lookup, PreselectConfig, Reach};
+    use crate::prepare::Prepared;
+    use crate::road_index::RoadIndex;
+    use crate::testing::{IMAGE, Recipe, World};
+
+    fn roads(map: &SemanticMap) -> Vec<u32> {
+        (0..map.roads.len() as u32).collect()
+    }
+
+    #[test]
+    fn height_and_slope_come_from_the_path() {
+        let world = World::new(Recipe::default());
+        let config = StartConfig::default();
+        let truth = world.truth[100];
+        let mut position = Point3::from(truth.translation.vector);
+        let yaw_rad = PoseParameters::from_pose(&truth).yaw_rad;
+        position.y += 30.0;
+        let rough = |heading| Rough::from_fix(&world.map, &roads(&world.map), &position, 1.5, heading, &config);
+        let along = rough(Some((yaw_rad, 0.03)));
+        let off = local(&truth, &along.map_from_camera);
+        assert!(off[1].abs() < 0.1 && off[3].abs() < 0.02, "{off}");
+        // Without a heading: that of the survey, less certain.
+        let blind = rough(None);
+        assert!(local(&truth, &blind.map_from_camera)[4].abs() < 0.1 && blind.sigmas[4] > 0.2);
+        // Driven against the survey the slope turns round.
+        let against = rough(Some((yaw_rad + std::f64::consts::PI, 0.03)));
+        let pitch = |r: &Rough| PoseParameters::from_pose(&r.map_from_camera).pitch_rad;
+        assert!((pitch(&along) + pitch(&against)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn far_from_every_path_the_height_is_that_of_the_fix() {
+        let world = World::new(Recipe::default());
+        let position = Point3::new(500.0, 12.0, 0.0);
+        let rough = Rough::from_fix(&world.map, &roads(&world.map), &position, 1.5, None, &StartConfig::default());
+        assert!((rough.map_from_camera.translation.y - 12.0).abs() < 1e-9);
+        assert!(rough.sigmas[1] > 1.5 && rough.sigmas[4] > 1.0);
+    }
+
+    #[test]
+    fn the_search_finds_the_pose_metres_and_degrees_off() {
+        let world = World::new(Recipe { missed: 0.1, ..Recipe::default() });
+        let (index, preselect) = (RoadIndex::new(&world.map), PreselectConfig::default());
+        let (noise, detection) = (NoiseConfig::default(), DetectionConfig::default());
+        let lookup =
+            Lookup { map: &world.map, index: &index, camera: &world.camera, image: IMAGE, config: &preselect };
+        for frame in [60, 150] {
+            let truth = world.truth[frame];
+            let off = nalgebra::Vector6::new(2.5, 0.1, -3.0, 0.01, 0.12, 0.0);
+            let sigmas = Vector6::new(3.5, 0.15, 3.5, 0.026, 0.15, 0.026);
+            let rough = Rough { map_from_camera: common::geometry::retract(&truth, &off), sigmas };
+            let mut candidates = Candidates::default();
+            lookup.select(&rough.map_from_camera, &Reach { position_m: 12.0, angle_rad: 0.4 }, &mut candidates);
+            let mut features = Prepared::default();
+            features.fill(&world.features(frame));
+            let scene = Scene {
+                camera: &world.camera,
+                image: IMAGE,
+                features: &features,
+                candidates: &candidates,
+                noise: &noise,
+                detection: &detection,
+            };
+            let run = |scene: &Scene<'_>| {
+                Search::default().run(
+                    scene,
+                    &rough,
+                    &mut Associator::default(),
+                    &StartConfig::default(),
+                    &RobustConfig::default(),
+                    &SolverConfig::default(),
+                )
+            };
+            let found = run(&scene);
+            let near = |pose: &Pose| local(&truth, pose).fixed_rows::<3>(0).norm() < 0.4;
+            assert!(found.iter().take(3).any(|r| near(&r.map_from_camera)), "frame {frame}");
+            assert!(found.windows(2).all(|w| w[0].evidence() >= w[1].evidence()));
+            assert_eq!(found, run(&scene));
+            // With nothing in sight there is nothing but the rough pose.
+            let blind = run(&Scene { features: &Prepared::default(), ..scene });
+            assert!(blind.iter().all(|r| r.matches == 0));
+        }
+    }
+}

@@ -1,7 +1,7 @@
 //! One-to-one matches between features and landmarks at one pose.
 
 use common::geometry::{PinholeCamera, Pose};
-use nalgebra::{Matrix2, Matrix6, Point2, Point3, Vector2};
+use nalgebra::{Matrix2, Matrix6, Point3, Vector2};
 
 use super::detection::{Clutter, DetectionConfig};
 use crate::estimate::LandmarkId;
@@ -197,9 +197,10 @@ impl Matcher {
             let expected = PoleImage::new(view, pole).filter(|image| {
                 // Most of it within the image, and long enough to be found.
                 let length_px = (image.foot_px - image.top_px).norm();
+                let columns = EDGE_PX..=scene.image.width_px - EDGE_PX;
                 image.visible_length_px(scene.image) > (0.5 * length_px).max(MIN_VISIBLE_PX)
-                    && scene.image.contains(&Point2::new(image.foot_px.x, 0.0), -EDGE_PX)
-                    && scene.image.contains(&Point2::new(image.top_px.x, 0.0), -EDGE_PX)
+                    && columns.contains(&image.foot_px.x)
+                    && columns.contains(&image.top_px.x)
             });
             expected.map_or(0.0, |image| (1.0 - scene.detection.pole(pole.kind, image.foot_depth_m)).ln())
         })
@@ -325,3 +326,6 @@ const MIN_VISIBLE_PX: f64 = 20.0;
 const EDGE_PX: f64 = 20.0;
 /// A lane line visible over less than this is not expected, metres.
 const MIN_VISIBLE_LANE_M: f64 = 5.0;
+
+#[cfg(test)]
+mod tests;

@@ -21,13 +21,10 @@ pub struct HealthConfig {
     /// Frames that a hypothesis must have been tracked for to be ok.
     pub verify_frames: usize,
     /// Evidence by which it must lead over every other that is tracked, nats:
-    /// 3 is 95 %.
+    /// 3 is 95 %. A pose that was jumped to must make up for its handicap, too.
     pub ok_lead: f64,
     /// Mean squared whitened residual up to which the matches agree.
     pub max_mean_square: f64,
-    /// Handicap up to which it is ok, nats: a pose that was jumped to must hold
-    /// for two seconds first.
-    pub max_handicap: f64,
     /// Frames in a row without support after which it is lost.
     pub lost_after_frames: usize,
     /// Least standard deviation of the region searched then, metres.
@@ -47,7 +44,6 @@ impl Default for HealthConfig {
             verify_frames: 5,
             ok_lead: 3.0,
             max_mean_square: 2.0,
-            max_handicap: 5.0,
             lost_after_frames: 8,
             search_sigma_m: 1.5,
             max_search_sigma_m: 6.0,
@@ -68,9 +64,8 @@ pub fn judge(best: &Hypothesis, lead: f64, margin: f64, was_lost: bool, health: 
     let ok = verified
         && sigma_m <= health.ok_sigma_m
         && best.support >= health.min_support
-        && best.handicap <= health.max_handicap
         && best.mean_square <= health.max_mean_square
-        && lead >= health.ok_lead
+        && lead >= health.ok_lead + best.handicap
         && margin >= 0.0;
     if ok { Status::Ok } else { Status::Degraded }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use waymark_tests::{data, pole_map};
 
-use crate::support::{build, text};
+use crate::support::{build, run, text};
 
 /// The map of KITTI 04 and the poses that it was built with.
 struct Real {
@@ -52,4 +52,32 @@ fn its_poles_are_those_of_the_pole_map() {
     let score = real.score();
     println!("recall {:.3}, precision {:.3}", score.recall(), score.precision());
     assert!(score.recall() >= 0.65 && score.precision() >= 0.73, "{score:?}");
+}
+
+#[test]
+fn the_camera_of_the_drive_is_localized_through_the_networks_better_than_the_paper_says() {
+    let Some(real) = Real::build("5") else { return };
+    let models = real.root.join("../models");
+    let nets = ["espnetv2_cityscapes_384x1248.onnx", "twinlitenet_lane_384x1248.onnx"].map(|net| models.join(net));
+    if !nets.iter().all(|net| net.is_file()) {
+        eprintln!("no networks in {}: nothing is tested with them", models.display());
+        return;
+    }
+    let (map, out) = (real.map(), real.folder.path().join("localized"));
+    let words = [
+        ["run", "--map", text(&map)],
+        ["--sequence", "04", "--kitti"],
+        [text(&real.root), "--pole-net", text(&nets[0])],
+        ["--lane-net", text(&nets[1]), "--last"],
+        ["50", "--out", text(&out)],
+    ];
+    println!("{}", run("localizer", &words.concat()).ok());
+    let truth = real.root.join("poses/04.txt");
+    let words = ["eval", "--estimate", text(&out), "--truth", text(&truth), "--json"];
+    let said = run("localizer", &words).ok();
+    let json: serde_json::Value = serde_json::from_str(&said).unwrap();
+    let figure = |name: &str| json[name].as_f64().unwrap_or_else(|| panic!("no {name} in {said}"));
+    assert!(figure("rms_position_m") <= 0.20, "{said}");
+    assert!(figure("share_under_half_metre") >= 0.98, "{said}");
+    assert!(figure("mean_angle_rad") <= 0.010, "{said}");
 }

@@ -71,19 +71,23 @@ pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
             return ExitCode::from(code);
         }
     };
-    let outcome = match &cli.command {
-        Command::Run(args) => run::execute(args),
-        Command::Trial(args) => trial::execute(args),
-        Command::Segment(args) => segment::execute(args),
-        Command::Eval(args) => eval::execute(args),
-    };
-    match outcome {
+    match dispatch(&cli.command) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
             eprintln!("localizer: {error}");
             ExitCode::from(2)
         }
+    }
+}
+
+/// Runs a command: false where a check of it failed.
+fn dispatch(command: &Command) -> Result<bool> {
+    match command {
+        Command::Run(args) => run::execute(args),
+        Command::Trial(args) => trial::execute(args),
+        Command::Segment(args) => segment::execute(args),
+        Command::Eval(args) => eval::execute(args),
     }
 }
 
@@ -94,3 +98,6 @@ where
 {
     value.cloned().ok_or(Error::MissingOption { option })
 }
+
+#[cfg(test)]
+mod tests;

@@ -7,8 +7,8 @@
 //! [`tracker`] carries several hypotheses from frame to frame.
 
 pub mod associate;
-pub mod config;
 pub mod cli;
+pub mod config;
 pub mod drive;
 pub mod error;
 pub mod estimate;
@@ -25,8 +25,8 @@ pub mod preselect;
 pub mod projection;
 pub mod residual;
 pub mod road_index;
-pub mod solver;
 pub mod run;
+pub mod solver;
 pub mod start;
 pub mod tracker;
 pub mod vision;

@@ -254,8 +254,8 @@ mod tests {
     use super::*;
     use crate::associate::detection::DetectionConfig;
     use crate::measurement::NoiseConfig;
-    use crate::preselect::{Candidates, Lookup, PreselectConfig, Reach};
     use crate::prepare::Prepared;
+    use crate::preselect::{Candidates, Lookup, PreselectConfig, Reach};
     use crate::road_index::RoadIndex;
     use crate::testing::{IMAGE, Recipe, World};
 
@@ -298,8 +298,7 @@ mod tests {
         let world = World::new(Recipe { missed: 0.1, ..Recipe::default() });
         let (index, preselect) = (RoadIndex::new(&world.map), PreselectConfig::default());
         let (noise, detection) = (NoiseConfig::default(), DetectionConfig::default());
-        let lookup =
-            Lookup { map: &world.map, index: &index, camera: &world.camera, image: IMAGE, config: &preselect };
+        let lookup = Lookup { map: &world.map, index: &index, camera: &world.camera, image: IMAGE, config: &preselect };
         for frame in [60, 150] {
             let truth = world.truth[frame];
             let off = nalgebra::Vector6::new(2.5, 0.1, -3.0, 0.01, 0.12, 0.0);

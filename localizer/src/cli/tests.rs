@@ -1,0 +1,139 @@
+use std::path::Path;
+
+use common::geometry::{Pose, Tangent, retract};
+use common::map::EncodeOptions;
+use common::trajectory::Trajectory;
+
+use super::*;
+use crate::testing::{Recipe, World, time_s};
+use crate::vision::labels;
+use crate::vision::{Class, Plane, ProbabilityMaps};
+
+fn run_words(words: &str) -> Result<bool> {
+    let cli = Cli::try_parse_from(std::iter::once("localizer").chain(words.split_whitespace())).unwrap();
+    dispatch(&cli.command)
+}
+
+/// Draws a line into a probability map.
+fn draw(plane: &mut Plane, from: (f64, f64), to: (f64, f64), half_width: i64) {
+    let (width, height) = (plane.width() as i64, plane.height() as i64);
+    let steps = (to.0 - from.0).hypot(to.1 - from.1).ceil().max(1.0) as i64;
+    for i in 0..=steps {
+        let share = i as f64 / steps as f64;
+        let (u, v) = (from.0 + (to.0 - from.0) * share, from.1 + (to.1 - from.1) * share);
+        for x in u.round() as i64 - half_width..=u.round() as i64 + half_width {
+            let y = v.round() as i64;
+            if (0..width).contains(&x) && (0..height).contains(&y) {
+                plane.data_mut()[(y * width + x) as usize] = 230;
+            }
+        }
+    }
+}
+
+/// A drive in KITTI layout with its map and probability images, made up.
+fn write_drive(folder: &Path, frames: usize) {
+    let world = World::new(Recipe { missed: 0.05, false_poles: 1, length_m: 60.0, ..Recipe::default() });
+    let sequence = folder.join("kitti/sequences/90");
+    std::fs::create_dir_all(&sequence).unwrap();
+    std::fs::create_dir_all(folder.join("kitti/poses")).unwrap();
+    let times_s: Vec<f64> = (0..frames).map(time_s).collect();
+    common::kitti::write_times(sequence.join("times.txt"), &times_s).unwrap();
+    common::kitti::write_poses(folder.join("kitti/poses/90.txt"), &world.truth[..frames]).unwrap();
+    let calibration = common::kitti::Calibration { cameras: [world.camera; 4], camera_from_velodyne: Pose::identity() };
+    common::kitti::write_calibration(sequence.join("calib.txt"), &calibration).unwrap();
+    common::map::write(folder.join("90.csm"), &world.map, &EncodeOptions::default()).unwrap();
+    for frame in 0..frames {
+        let features = world.features(frame);
+        let mut maps = ProbabilityMaps::zeros(1226, 370);
+        let mut poles = maps.plane(Class::Pole).clone();
+        for pole in &features.poles {
+            draw(&mut poles, (pole.upper_px.x, pole.upper_px.y), (pole.lower_px.x, pole.lower_px.y), 2);
+        }
+        maps.set(Class::Pole, poles).unwrap();
+        let mut lanes = maps.plane(Class::Lane).clone();
+        for lane in &features.lanes {
+            for ends in lane.points_px.windows(2) {
+                draw(&mut lanes, (ends[0].x, ends[0].y), (ends[1].x, ends[1].y), 4);
+            }
+        }
+        maps.set(Class::Lane, lanes).unwrap();
+        labels::write(&folder.join("labels"), frame, &maps).unwrap();
+    }
+}
+
+#[test]
+fn a_drive_is_localized_and_scored_from_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path().display();
+    write_drive(folder.path(), 30);
+    let drive = format!("--map {at}/90.csm --kitti {at}/kitti --sequence 90 --labels {at}/labels");
+    assert!(run_words(&format!("run {drive} --gps-seed 3 --out {at}/out")).unwrap());
+    let estimates = crate::output::read_estimates(&folder.path().join("out/estimates.csv")).unwrap();
+    let truth: Vec<Option<Pose>> =
+        common::kitti::read_poses(folder.path().join("kitti/poses/90.txt")).unwrap().into_iter().map(Some).collect();
+    let report = crate::eval::score(&estimates[5..], &truth, &[]).unwrap();
+    assert!(report.rms_position_m < 0.35, "{} m", report.rms_position_m);
+    for estimate in ["out", "out/estimates.csv", "out/poses.txt"] {
+        let eval = format!("eval --estimate {at}/{estimate} --truth {at}/kitti/poses/90.txt");
+        assert!(run_words(&eval).unwrap() && run_words(&format!("{eval} --json")).unwrap());
+    }
+    let tum = format!("eval --estimate {at}/out/poses.tum --truth {at}/kitti/poses/90.txt");
+    assert!(matches!(run_words(&tum), Err(Error::MissingOption { option: "--times" })));
+    assert!(run_words(&format!("{tum} --times {at}/kitti/sequences/90/times.txt")).unwrap());
+    assert!(run_words(&format!("trial {drive} --draws 1")).unwrap());
+    // The same input gives the same bytes.
+    assert!(run_words(&format!("run {drive} --gps-seed 3 --out {at}/again")).unwrap());
+    let bytes = |out: &str, name: &str| std::fs::read(folder.path().join(out).join(name)).unwrap();
+    for name in ["estimates.csv", "matches.csv", "poses.txt", "poses.tum"] {
+        assert_eq!(bytes("out", name), bytes("again", name), "{name}");
+    }
+}
+
+#[test]
+fn wrong_input_gets_its_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path().display();
+    write_drive(folder.path(), 3);
+    let drive = format!("--map {at}/90.csm --kitti {at}/kitti --sequence 90");
+    let labels = format!("--labels {at}/labels");
+    let message = |words: &str| run_words(words).unwrap_err().to_string();
+    assert!(message(&format!("run {drive} {labels}")).contains("--out"));
+    assert!(message(&format!("run {drive} --out {at}/o")).contains("--pole-net"));
+    assert!(message(&format!("run --map {at}/no.csm --kitti {at}/kitti {labels} --out {at}/o")).contains("no.csm"));
+    assert!(message(&format!("run {drive} {labels} --first 7 --out {at}/o")).contains("0 to 2"));
+    assert!(message(&format!("run {drive} --labels {at}/nowhere --out {at}/o")).contains("nowhere"));
+    std::fs::write(folder.path().join("gps.txt"), "0.0 1 2\n").unwrap();
+    assert!(message(&format!("run {drive} {labels} --gps {at}/gps.txt --out {at}/o")).contains("line 1"));
+    std::fs::write(folder.path().join("gps.txt"), "").unwrap();
+    assert!(message(&format!("run {drive} {labels} --gps {at}/gps.txt --out {at}/o")).contains("0 to 2"));
+    std::fs::write(folder.path().join("c.toml"), "[robust]\nmax_runds = 3\n").unwrap();
+    assert!(message(&format!("run --config {at}/c.toml")).contains("max_rounds"));
+    let eval = format!("eval --estimate {at}/kitti/poses/90.txt --truth {at}/kitti/poses/90.txt --first 9");
+    assert!(message(&eval).contains("share no frame"));
+    assert!(!folder.path().join("o").exists());
+}
+
+#[test]
+fn a_gps_file_starts_as_the_simulation_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path().display();
+    write_drive(folder.path(), 12);
+    let truth = common::kitti::read_poses(folder.path().join("kitti/poses/90.txt")).unwrap();
+    let off: Vec<Pose> =
+        truth[..2].iter().map(|pose| retract(pose, &Tangent::new(1.0, 0.0, -1.2, 0.0, 0.02, 0.0))).collect();
+    Trajectory::from_poses(&off, &[0.0, 0.1]).write_tum(folder.path().join("gps.txt")).unwrap();
+    let drive = format!("--map {at}/90.csm --kitti {at}/kitti --sequence 90 --labels {at}/labels");
+    assert!(run_words(&format!("run {drive} --gps {at}/gps.txt --out {at}/out")).unwrap());
+    let last = *crate::output::read_estimates(&folder.path().join("out/estimates.csv")).unwrap().last().unwrap();
+    assert!(common::geometry::local(&truth[11], &last.map_from_camera).norm() < 0.5);
+}
+
+#[test]
+fn all_settings_survive_their_file() {
+    let text = common::config::to_toml(&Config::default()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("all.toml");
+    std::fs::write(&path, text).unwrap();
+    assert_eq!(common::config::load::<Config>(&path).unwrap(), Config::default());
+    assert!(run_words(&format!("run --config {} --print-config", path.display())).unwrap());
+}

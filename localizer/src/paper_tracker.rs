@@ -1,7 +1,7 @@
 //! The paper's localizer over time: GPS for the first two frames, constant
 //! velocity after, each frame by [`crate::associate::paper`].
 
-use common::geometry::{PinholeCamera, Pose};
+use common::geometry::{PinholeCamera, Pose, local, retract};
 use common::map::SemanticMap;
 
 use crate::associate::paper::{PaperScene, associate_and_localize};
@@ -98,7 +98,8 @@ impl<'a> PaperTracker<'a> {
     /// The GPS fix for the first two frames, then `2 p1 - p2`.
     fn predict(&mut self, input: &FrameInput<'_>) -> Option<Pose> {
         if let [last, before] = self.past[..] {
-            return Some(last * (before.inverse() * last));
+            // Through the tangent, so that the rotation stays one.
+            return Some(retract(&last, &local(&before, &last)));
         }
         let Some(fix) = input.gps else { return self.past.first().copied() };
         self.index.roads_near(&fix.position_map, self.config.start.path_reach_m, &mut self.candidates.roads);
@@ -119,7 +120,6 @@ mod tests {
     use super::*;
     use crate::gps::{GpsConfig, simulate};
     use crate::testing::{IMAGE, Recipe, World, time_s};
-    use common::geometry::local;
 
     #[test]
     fn a_clear_street_is_followed_from_good_fixes() {

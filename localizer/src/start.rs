@@ -301,7 +301,7 @@ mod tests {
         let lookup = Lookup { map: &world.map, index: &index, camera: &world.camera, image: IMAGE, config: &preselect };
         for frame in [60, 150] {
             let truth = world.truth[frame];
-            let off = nalgebra::Vector6::new(2.5, 0.1, -3.0, 0.01, 0.12, 0.0);
+            let off = Vector6::new(2.5, 0.1, -3.0, 0.01, 0.12, 0.0);
             let sigmas = Vector6::new(3.5, 0.15, 3.5, 0.026, 0.15, 0.026);
             let rough = Rough { map_from_camera: common::geometry::retract(&truth, &off), sigmas };
             let mut candidates = Candidates::default();

@@ -186,12 +186,22 @@ impl<'a> Tracker<'a> {
         }
     }
 
+    /// By how much the best hypothesis is ahead of the next, nats.
+    fn lead(&self) -> f64 {
+        let weight = |i: usize| self.bank.get(i).map(|hypothesis| hypothesis.log_weight);
+        weight(0).zip(weight(1)).map_or(f64::INFINITY, |(best, second)| best - second)
+    }
+
     /// Searches the region while nothing is tracked that the last frames
     /// speak for.
     fn search_if_needed(&mut self) {
         let bank = &self.config.bank;
+        let lead = self.lead();
         let sure = self.bank.first().is_some_and(|best| {
-            best.age_frames >= self.config.health.verify_frames && best.log_weight >= bank.sure_evidence
+            let verified = best.age_frames >= self.config.health.verify_frames;
+            // Two frames may be enough where nothing else comes near.
+            let alone = best.age_frames >= 1 && lead >= bank.sure_lead;
+            (verified && best.log_weight >= bank.sure_evidence) || (alone && best.log_weight >= 2.0 * bank.sure_evidence)
         });
         if sure || self.prepared.is_empty() {
             return;
@@ -290,8 +300,8 @@ impl<'a> Tracker<'a> {
 
     fn speak(&mut self, margin: f64) -> Option<PoseEstimate> {
         let best = self.bank.first()?;
-        let second = self.bank.get(1).map_or(f64::INFINITY, |second| best.log_weight - second.log_weight);
-        let status = health::judge(best, second, margin, self.is_lost, &self.config.health);
+        let lead = self.lead();
+        let status = health::judge(best, lead, margin, self.is_lost, &self.config.health);
         self.is_lost = status == Status::Lost;
         if status == Status::Ok {
             // Should it be lost from here on, it is searched around here.
@@ -306,7 +316,7 @@ impl<'a> Tracker<'a> {
             converged: best.converged,
             status,
             support: best.support,
-            margin: margin.min(second),
+            margin: margin.min(lead),
         })
     }
 

@@ -22,6 +22,9 @@ pub struct BankConfig {
     /// Evidence of the last frames together from which on nothing else is
     /// searched, nats.
     pub sure_evidence: f64,
+    /// With twice that evidence, a lead over all others from which on a young
+    /// hypothesis is not searched beside either, nats.
+    pub sure_lead: f64,
     /// Hypotheses younger than [`Self::young_frames`] that are kept.
     pub young_capacity: usize,
     /// Older hypotheses that are kept.
@@ -67,6 +70,7 @@ impl Default for BankConfig {
     fn default() -> Self {
         Self {
             sure_evidence: 15.0,
+            sure_lead: 10.0,
             young_capacity: 32,
             capacity: 4,
             young_frames: 4,

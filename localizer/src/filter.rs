@@ -37,7 +37,7 @@ pub struct MotionConfig {
     pub forward: AxisMotion,
     /// Pitching: half a degree at 1 to 2 Hz.
     pub pitch: AxisMotion,
-    /// Turning: a corner is entered within a second or two at 0.3 rad/s.
+    /// Turning: a corner is entered within a second at 0.3 to 0.5 rad/s.
     pub yaw: AxisMotion,
     /// Rolling: as pitching.
     pub roll: AxisMotion,
@@ -51,7 +51,7 @@ impl Default for MotionConfig {
             down: axis(0.4, 1.0),
             forward: axis(1.0, 60.0),
             pitch: axis(0.08, 0.5),
-            yaw: axis(0.15, 3.0),
+            yaw: axis(0.3, 3.0),
             roll: axis(0.08, 0.5),
         }
     }

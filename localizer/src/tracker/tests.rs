@@ -98,6 +98,18 @@ fn a_street_full_of_false_poles_is_held() {
 }
 
 #[test]
+fn a_sharp_corner_is_followed() {
+    let corner = Recipe { corner: (1.3, 15.0), speed_m_s: 7.0, seed: 2, ..street() };
+    assert_holds("corner", corner, 0.2);
+}
+
+#[test]
+fn a_square_full_of_poles_and_without_lane_lines_is_held() {
+    let square = Recipe { lanes_m: &[], pole_spacing_m: 2.0, pole_reach_m: 30.0, speed_m_s: 8.0, ..street() };
+    assert_holds("square", Recipe { length_m: 80.0, corner: (1.3, 20.0), ..square }, 0.2);
+}
+
+#[test]
 fn where_there_is_little_to_see_it_says_so() {
     let world = World::new(Recipe { pole_spacing_m: 40.0, lanes_m: &[], ..street() });
     let run = run(&world, &GpsConfig::default(), 0, &NONE);

@@ -201,7 +201,8 @@ impl<'a> Tracker<'a> {
             let verified = best.age_frames >= self.config.health.verify_frames;
             // Two frames may be enough where nothing else comes near.
             let alone = best.age_frames >= 1 && lead >= bank.sure_lead;
-            (verified && best.log_weight >= bank.sure_evidence) || (alone && best.log_weight >= 2.0 * bank.sure_evidence)
+            (verified && best.log_weight >= bank.sure_evidence)
+                || (alone && best.log_weight >= 2.0 * bank.sure_evidence)
         });
         if sure || self.prepared.is_empty() {
             return;

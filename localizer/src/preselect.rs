@@ -88,18 +88,6 @@ pub struct Candidates {
     pub roads: Vec<u32>,
 }
 
-impl Candidates {
-    /// Number of landmarks.
-    pub fn len(&self) -> usize {
-        self.poles.len() + self.signs.len() + self.lanes.len()
-    }
-
-    /// Nothing may be seen.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-}
-
 /// How far around the predicted pose the true one may be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reach {

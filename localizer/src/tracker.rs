@@ -16,7 +16,7 @@ pub use rivals::RivalConfig;
 
 use common::geometry::{PinholeCamera, Pose, Tangent, local};
 use common::map::SemanticMap;
-use nalgebra::{Matrix6, Point3, Vector6};
+use nalgebra::{Matrix6, Vector6};
 
 use crate::associate::matching::Scene;
 use crate::associate::robust::Associator;
@@ -319,21 +319,6 @@ impl<'a> Tracker<'a> {
             support: best.support,
             margin: margin.min(lead),
         })
-    }
-
-    /// Covariance of the best hypothesis' pose, for displays.
-    pub fn covariance(&self) -> Option<Matrix6<f64>> {
-        self.bank.first().map(|best| best.state.pose_covariance())
-    }
-
-    /// Number of hypotheses that are tracked.
-    pub fn hypotheses(&self) -> usize {
-        self.bank.len()
-    }
-
-    /// Where the best hypothesis stands, map frame, metres.
-    pub fn position_map(&self) -> Option<Point3<f64>> {
-        self.bank.first().map(|best| Point3::from(best.state.map_from_camera.translation.vector))
     }
 }
 

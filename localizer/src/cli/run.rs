@@ -21,7 +21,8 @@ use crate::{Result, config::Config, gps, output};
 pub struct RunArgs {
     #[command(flatten)]
     input: InputArgs,
-    /// Rough positions of given frames; see the README for the forms.
+    /// Rough positions of given frames, one per row: `t x y z`, or TUM lines, or
+    /// `frame` and a 3x4 pose, or a 3x4 pose for each frame (`nan` for none).
     #[arg(long, value_name = "FILE", conflicts_with = "gps_seed")]
     gps: Option<PathBuf>,
     /// Without `--gps`: seed of the noise on the true pose of the first two

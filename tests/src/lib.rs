@@ -3,3 +3,4 @@
 pub mod data;
 pub mod matching;
 pub mod pole_map;
+pub mod realism;

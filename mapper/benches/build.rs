@@ -55,8 +55,11 @@ static CASE: LazyLock<Case> = LazyLock::new(|| {
 
 fn generated() -> PathBuf {
     let root = Path::new(env!("CARGO_TARGET_TMPDIR")).join("bench");
-    let options = fixtures::Options { frames: 51, scan_every: 5, ..fixtures::Options::default() };
-    fixtures::generate(&options, &root, &|| ()).unwrap();
+    let options = fixtures::Options {
+        world: fixtures::world::WorldSpec::named("street", 1).with_frames(51),
+        ..fixtures::Options::default()
+    };
+    fixtures::generate(&options, &root, &|_| ()).unwrap();
     root
 }
 

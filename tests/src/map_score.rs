@@ -1,0 +1,269 @@
+//! A map against the truth of a generated drive.
+
+use common::geometry::Pose;
+use common::map::{LaneLine, Pole, PoleKind, SemanticMap, Sign, SignKind};
+use fixtures::truth::{TruePole, Truth};
+use nalgebra::{Point2, Point3, Vector3};
+
+use crate::matching::one_to_one;
+
+/// Poles of map and truth are the same within this, metres: half the spacing of
+/// the densest bollards.
+const POLE_WITHIN_M: f64 = 0.5;
+/// Signs and lights, metres: two plates on one post are farther apart.
+const SIGN_WITHIN_M: f64 = 0.4;
+/// Lane lines, metres: two of a double line are about as far apart.
+const LANE_WITHIN_M: f64 = 0.3;
+/// Distance of the samples of lane lines, metres.
+const SAMPLE_M: f64 = 0.25;
+
+/// How many of one class were found, and how well.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Found {
+    /// True ones.
+    pub wanted: f64,
+    /// Of these, found.
+    pub hits: f64,
+    /// Those of the map.
+    pub claimed: f64,
+    /// Of these, true.
+    pub right: f64,
+    /// Root mean square of the distance of the pairs, metres.
+    pub off_m: f64,
+}
+
+impl Found {
+    /// Share of the true ones that were found; 1 where there are none.
+    pub fn recall(&self) -> f64 {
+        share(self.hits, self.wanted)
+    }
+
+    /// Share of the map's that are true; 1 where there are none.
+    pub fn precision(&self) -> f64 {
+        share(self.right, self.claimed)
+    }
+}
+
+fn share(part: f64, whole: f64) -> f64 {
+    if whole > 0.0 { part / whole } else { 1.0 }
+}
+
+/// A map's score.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct MapScore {
+    /// Poles but trunks; `off_m` is that of the feet above the ground plane
+    /// (x, z). Trunks of the truth make no pole of the map wrong or missing.
+    pub poles: Found,
+    /// Root mean square of the feet's height error, metres.
+    pub foot_height_m: f64,
+    /// Root mean square of the angle between found and true axis, radians.
+    pub tilt_rad: f64,
+    /// Signs; `off_m` is that of the centroids.
+    pub signs: Found,
+    /// Traffic lights, likewise.
+    pub lights: Found,
+    /// Lane lines by length in metres; `off_m` is across them.
+    pub lanes: Found,
+    /// True poles that are missing.
+    pub missed: Vec<TruePole>,
+    /// Poles of the map that are none.
+    pub wrong: Vec<Pole>,
+}
+
+/// Scores a map against the truth within `within_m` of the exact path (poses
+/// `map_from_camera`, seen from above).
+pub fn score(map: &SemanticMap, truth: &Truth, exact: &[Pose], within_m: f64) -> MapScore {
+    let path: Vec<Point2<f64>> = exact.iter().map(|pose| above(&pose.translation.vector.into())).collect();
+    let counts = |p: &Point3<f64>| path.iter().any(|at| (at - above(p)).norm() < within_m);
+    let mut score = MapScore::default();
+    poles(map, truth, &counts, &mut score);
+    for (kind, name, found) in [
+        (SignKind::TrafficSign, "traffic_sign", &mut score.signs),
+        (SignKind::TrafficLight, "traffic_light", &mut score.lights),
+    ] {
+        let wanted: Vec<Point3<f64>> =
+            truth.signs.iter().filter(|sign| sign.kind == name).map(|sign| sign.centroid_map_m.into()).collect();
+        let claimed: Vec<&Sign> = map.signs.iter().filter(|sign| sign.kind == kind).collect();
+        *found = signs(&claimed, &wanted, &counts);
+    }
+    score.lanes = lanes(map, truth, &counts);
+    score
+}
+
+fn above(p: &Point3<f64>) -> Point2<f64> {
+    Point2::new(p.x, p.z)
+}
+
+fn middle(foot: &Point3<f64>, top: &Point3<f64>) -> Point2<f64> {
+    above(&nalgebra::center(foot, top))
+}
+
+fn rms(squares: &[f64]) -> f64 {
+    if squares.is_empty() { 0.0 } else { (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() }
+}
+
+fn poles(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool, score: &mut MapScore) {
+    let found: Vec<&Pole> = map.poles.iter().filter(|pole| pole.kind != PoleKind::Trunk).collect();
+    let (trunks, wanted): (Vec<&TruePole>, Vec<&TruePole>) = truth.poles.iter().partition(|pole| pole.kind == "trunk");
+    let at_truth = |pole: &&TruePole| middle(&pole.foot_map_m.into(), &pole.top_map_m.into());
+    let at_found: Vec<Point2<f64>> = found.iter().map(|pole| middle(&pole.foot_map, &pole.top_map)).collect();
+    let pairs = one_to_one(&at_found, &wanted.iter().map(at_truth).collect::<Vec<_>>(), POLE_WITHIN_M);
+    let (mut across, mut heights, mut tilts) = (Vec::new(), Vec::new(), Vec::new());
+    for (f, w) in &pairs {
+        let (pole, true_foot, true_top) =
+            (found[*f], Point3::from(wanted[*w].foot_map_m), Point3::from(wanted[*w].top_map_m));
+        if counts(&true_foot) {
+            across.push((above(&pole.foot_map) - above(&true_foot)).norm_squared());
+            heights.push((pole.foot_map.y - true_foot.y).powi(2));
+            let axis = |foot: &Point3<f64>, top: &Point3<f64>| -> Vector3<f64> { top - foot };
+            tilts.push(axis(&pole.foot_map, &pole.top_map).angle(&axis(&true_foot, &true_top)).powi(2));
+        }
+    }
+    score.missed = (0..wanted.len())
+        .filter(|w| counts(&wanted[*w].foot_map_m.into()) && !pairs.iter().any(|pair| pair.1 == *w))
+        .map(|w| wanted[w].clone())
+        .collect();
+    let by_trunk = |at: &Point2<f64>| trunks.iter().any(|trunk| (at_truth(trunk) - at).norm() < POLE_WITHIN_M);
+    score.wrong = (0..found.len())
+        .filter(|f| counts(&found[*f].foot_map) && !pairs.iter().any(|pair| pair.0 == *f) && !by_trunk(&at_found[*f]))
+        .map(|f| *found[f])
+        .collect();
+    let hits = across.len() as f64;
+    score.poles = Found {
+        wanted: hits + score.missed.len() as f64,
+        hits,
+        claimed: hits + score.wrong.len() as f64,
+        right: hits,
+        off_m: rms(&across),
+    };
+    score.foot_height_m = rms(&heights);
+    score.tilt_rad = rms(&tilts);
+}
+
+fn signs(claimed: &[&Sign], wanted: &[Point3<f64>], counts: &dyn Fn(&Point3<f64>) -> bool) -> Found {
+    let nearest = |from: &Point3<f64>, to: &mut dyn Iterator<Item = Point3<f64>>| {
+        to.map(|p| (p - from).norm()).fold(f64::INFINITY, f64::min)
+    };
+    let mut found = Found::default();
+    let mut squares = Vec::new();
+    for truth in wanted.iter().filter(|p| counts(p)) {
+        let off_m = nearest(truth, &mut claimed.iter().map(|sign| sign.centroid_map));
+        found.wanted += 1.0;
+        if off_m < SIGN_WITHIN_M {
+            found.hits += 1.0;
+            squares.push(off_m * off_m);
+        }
+    }
+    for sign in claimed.iter().filter(|sign| counts(&sign.centroid_map)) {
+        found.claimed += 1.0;
+        found.right += f64::from(u8::from(nearest(&sign.centroid_map, &mut wanted.iter().copied()) < SIGN_WITHIN_M));
+    }
+    found.off_m = rms(&squares);
+    found
+}
+
+fn lanes(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool) -> Found {
+    let points = |lane: &LaneLine| lane.points_map.clone();
+    let claimed: Vec<Vec<Point3<f64>>> = map.lanes.iter().map(points).collect();
+    let wanted: Vec<Vec<Point3<f64>>> =
+        truth.lanes.iter().map(|lane| lane.points_map_m.iter().map(|p| Point3::from(*p)).collect()).collect();
+    let mut squares = Vec::new();
+    let mut covered = |lines: &[Vec<Point3<f64>>], others: &[Vec<Point3<f64>>], keep: bool| {
+        let samples: Vec<Point3<f64>> = lines.iter().flat_map(|line| sampled(line)).filter(|p| counts(p)).collect();
+        let near = samples.iter().filter(|sample| {
+            let off_m = others.iter().map(|line| distance_m(sample, line)).fold(f64::INFINITY, f64::min);
+            let is_near = off_m < LANE_WITHIN_M;
+            if is_near && keep {
+                squares.push(off_m * off_m);
+            }
+            is_near
+        });
+        (near.count() as f64 * SAMPLE_M, samples.len() as f64 * SAMPLE_M)
+    };
+    let (hits, wanted_m) = covered(&wanted, &claimed, true);
+    let (right, claimed_m) = covered(&claimed, &wanted, false);
+    Found { wanted: wanted_m, hits, claimed: claimed_m, right, off_m: rms(&squares) }
+}
+
+/// Points along a polyline.
+fn sampled(line: &[Point3<f64>]) -> Vec<Point3<f64>> {
+    line.windows(2)
+        .flat_map(|pair| {
+            let way = pair[1] - pair[0];
+            let steps = (way.norm() / SAMPLE_M).round().max(1.0) as usize;
+            (0..steps).map(move |i| pair[0] + way * ((i as f64 + 0.5) / steps as f64))
+        })
+        .collect()
+}
+
+/// Distance of a point from a polyline, seen from above, metres.
+fn distance_m(point: &Point3<f64>, line: &[Point3<f64>]) -> f64 {
+    let p = above(point);
+    line.windows(2)
+        .map(|pair| {
+            let (a, b) = (above(&pair[0]), above(&pair[1]));
+            let way = b - a;
+            let share =
+                if way.norm_squared() > 0.0 { ((p - a).dot(&way) / way.norm_squared()).clamp(0.0, 1.0) } else { 0.0 };
+            (a + way * share - p).norm()
+        })
+        .fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use common::map::{LaneKind, RoadId};
+    use fixtures::truth::{TrueLane, TrueSign};
+
+    use super::*;
+
+    fn truth() -> Truth {
+        let pole = |x: f64, kind: &str| TruePole {
+            kind: kind.into(),
+            foot_map_m: [x, 1.6, 10.0],
+            top_map_m: [x, -3.0, 10.0],
+            radius_m: 0.1,
+        };
+        Truth {
+            frame: String::new(),
+            poles: vec![pole(5.0, "lamp_post"), pole(-5.0, "sign_post"), pole(8.0, "trunk"), pole(90.0, "lamp_post")],
+            signs: vec![TrueSign { kind: "traffic_sign".into(), centroid_map_m: [-5.0, -1.0, 10.0], size_m: 0.6 }],
+            lanes: vec![TrueLane {
+                kind: "solid".into(),
+                points_map_m: vec![[1.5, 1.6, 0.0], [1.5, 1.6, 20.0]],
+                width_m: 0.12,
+            }],
+        }
+    }
+
+    fn map() -> SemanticMap {
+        let road = RoadId(0);
+        let pole = |x: f64, kind| Pole {
+            kind,
+            foot_map: Point3::new(x, 1.6, 10.0),
+            top_map: Point3::new(x, -3.0, 10.0),
+            road,
+        };
+        let line = vec![Point3::new(1.55, 1.6, 0.0), Point3::new(1.55, 1.6, 10.0), Point3::new(4.0, 1.6, 10.0)];
+        SemanticMap {
+            // One 3 cm off, one by a trunk, one out of nothing.
+            poles: [5.03, 8.1, 2.0].map(|x| pole(x, PoleKind::LampPost)).to_vec(),
+            lanes: vec![LaneLine { kind: LaneKind::Solid, points_map: line, road }],
+            ..SemanticMap::default()
+        }
+    }
+
+    #[test]
+    fn misses_false_ones_and_errors_are_counted_within_reach_only() {
+        let path: Vec<Pose> = (0..20).map(|z| Pose::translation(0.0, 0.0, f64::from(z))).collect();
+        let score = score(&map(), &truth(), &path, 20.0);
+        assert!((score.poles.recall() - 0.5).abs() < 1e-12 && (score.poles.precision() - 0.5).abs() < 1e-12);
+        assert!((score.poles.off_m - 0.03).abs() < 1e-9 && score.tilt_rad < 1e-9);
+        assert_eq!(score.missed[0].kind, "sign_post");
+        assert!((score.wrong[0].foot_map.x - 2.0).abs() < 1e-12);
+        assert!(score.signs.recall() < 1e-12 && (score.lights.recall() - 1.0).abs() < 1e-12);
+        assert!((score.lanes.recall() - 0.5).abs() < 0.02, "{:?}", score.lanes);
+        assert!((score.lanes.precision() - 10.25 / 12.5).abs() < 0.03);
+        assert!((score.lanes.off_m - 0.05).abs() < 0.01);
+    }
+}

@@ -1,13 +1,93 @@
-//! Lidar scans side by side.
+//! Lidar scans side by side: the figures of a real drive and of a generated one.
+//!
+//! Everything is measured on both drives in the same way, without labels and
+//! without the generator's truth:
+//!
+//! - *Ground* is what lies within 0.15 m of a height profile that grows outwards
+//!   from below the sensor in each of 180 sectors ([`ground`]).
+//! - *Poles and lane lines* are those of the map that `mapper build` makes of
+//!   each drive (its own poses, its own landmarks), so that what is missed or
+//!   displaced in a real map is so in the generated one ([`landmarks`]).
+//! - *Walls* and *leaves* are told apart by the spread of the points of a cubic
+//!   metre about its best plane ([`patches`]).
+//!
+//! A row beyond 25 % is marked. What then differs may be the sensor or the
+//! world: rows of the first kind (noise, zeros, reflectances, points per ring
+//! and per pole) are the lidar's to answer for, shares of ranges and heights are
+//! mostly what stands beside the road.
+
+mod figures;
+mod ground;
+mod landmarks;
+mod patches;
+mod view;
+
+use std::path::{Path, PathBuf};
+
+use common::kitti::read_scan;
+use mapper::{Config, PoseSource};
+
+use figures::Figures;
+use landmarks::Landmarks;
+use view::View;
+
+/// Farthest point that is read, metres: all of them.
+const MAX_RANGE_M: f32 = 120.0;
+/// Every which scan a map is built from, as in the paper.
+const MAP_EVERY: usize = 5;
 
 /// What to compare.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {}
+pub struct Arguments {
+    /// Folder of the real drive: `sequences/` and `poses/`.
+    #[arg(long, value_name = "ROOT")]
+    kitti: PathBuf,
+    /// The real drive.
+    #[arg(long, value_name = "NN", default_value = "04")]
+    sequence: String,
+    /// Last frame of the real drive [default: the last one that has a scan].
+    #[arg(long, value_name = "FRAME")]
+    last: Option<usize>,
+    /// Folder of the generated drive.
+    #[arg(long, value_name = "ROOT")]
+    generated: PathBuf,
+    /// The generated drive.
+    #[arg(long, value_name = "NN", default_value = "00")]
+    generated_sequence: String,
+    /// Last frame of the generated drive [default: the last one that has a scan].
+    #[arg(long, value_name = "FRAME")]
+    last_generated: Option<usize>,
+    /// Look at every Nth frame only; maps are built from every fifth.
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    every: usize,
+}
 
-/// Prints the table.
+/// Prints the table, in Markdown.
 ///
 /// # Errors
 /// One sentence that says which input is wrong.
-pub fn run(_arguments: &Arguments) -> Result<(), String> {
+pub fn run(arguments: &Arguments) -> Result<(), String> {
+    let measure = |root: &Path, sequence: &str, last: Option<usize>| {
+        measure(root, sequence, last.unwrap_or(usize::MAX), arguments.every).map_err(|error| error.to_string())
+    };
+    let real = measure(&arguments.kitti, &arguments.sequence, arguments.last)?;
+    let made = measure(&arguments.generated, &arguments.generated_sequence, arguments.last_generated)?;
+    print!("{}", figures::table(&real, &made));
     Ok(())
+}
+
+/// The figures of one drive.
+fn measure(root: &Path, sequence: &str, last: usize, every: usize) -> mapper::Result<Figures> {
+    let open = |every| mapper::drive::Drive::open(root, sequence, every, (0, last), None, MAX_RANGE_M);
+    let built = mapper::build(&open(MAP_EVERY)?, PoseSource::Refine, &Config::default(), |_| Ok(()))?;
+    let drive = open(every)?;
+    let landmarks = Landmarks::new(&built.map);
+    let mut figures = Figures::default();
+    for &frame in &drive.frames {
+        let scan = read_scan(drive.scan_path(frame), MAX_RANGE_M)?;
+        let view = View::new(&scan.points);
+        let map_from_velodyne = built.registration.map_from_camera[frame] * drive.camera_from_velodyne;
+        figures.add(&view, &landmarks.seen_from(&map_from_velodyne, &view));
+    }
+    Ok(figures)
 }

@@ -160,6 +160,7 @@ impl Figures {
             let contrast = mean(&self.paint[i]).zip(mean(&self.asphalt[i])).map(|(paint, asphalt)| paint - asphalt);
             rows.push((format!("paint brighter than asphalt at {name}"), contrast));
         }
+        rows.push(("wall, spread across, p5 (m)".into(), quantile(&self.wall_m, 0.05)));
         rows.push(("wall, spread across, median (m)".into(), quantile(&self.wall_m, 0.5)));
         rows.push(("wall, spread across, p95 (m)".into(), quantile(&self.wall_m, 0.95)));
         rows.push(("share of cells that are wall".into(), share(self.wall_m.len(), self.solids)));
@@ -172,10 +173,12 @@ impl Figures {
         for (i, name) in ranges.iter().enumerate().take(7) {
             rows.push((format!("share without reflectance at {name}"), share(self.zero[i], self.range[i])));
         }
-        for (what, bins) in
-            [("ground", &self.ground_reflectance), ("leaves", &self.leaf_reflectance), ("all", &self.any_reflectance)]
-        {
-            for (i, name) in ranges.iter().enumerate().skip(1).take(6) {
+        for (what, bins, count) in [
+            ("ground", &self.ground_reflectance, 6),
+            ("leaves", &self.leaf_reflectance, 4),
+            ("all", &self.any_reflectance, 6),
+        ] {
+            for (i, name) in ranges.iter().enumerate().skip(1).take(count) {
                 rows.push((format!("reflectance of {what} at {name}"), quantile(&bins[i], 0.5)));
             }
         }
@@ -192,10 +195,11 @@ pub fn table(real: &Figures, made: &Figures) -> String {
     for ((name, real), (_, made)) in &rows {
         let ratio = real.zip(*made).map(|(real, made)| made / real);
         let far = ratio.is_none_or(|ratio| (ratio - 1.0).abs() > 0.25);
+        let absent = real.is_none() && made.is_none();
         // What is rare in both drives is a few points in each.
         let rare = name.contains("share") && real.zip(*made).is_some_and(|(real, made)| real.max(made) < 0.01);
-        let remark = if rare { "rare" } else if far { "beyond 25 %" } else { "" };
-        beyond += usize::from(far && !rare);
+        let remark = if rare { "rare" } else if absent { "in neither" } else if far { "beyond 25 %" } else { "" };
+        beyond += usize::from(far && !rare && !absent);
         let ratio = ratio.map_or_else(|| "-".into(), |ratio| format!("{ratio:.2}"));
         // Writing to a string does not fail.
         let _ = writeln!(text, "| {name} | {} | {} | {ratio} | {remark} |", number(*real), number(*made));

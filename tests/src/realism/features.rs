@@ -67,8 +67,7 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
     let root = &arguments.generated;
     let labels = root.join("sequences").join(fixtures::folder::SEQUENCE).join("labels_2");
     let (map, trajectory) = (&arguments.generated_map, &arguments.generated_trajectory);
-    let generated =
-        figures(&Side::open(root, fixtures::folder::SEQUENCE, &labels, map, trajectory, arguments.last)?)?;
+    let generated = figures(&Side::open(root, fixtures::folder::SEQUENCE, &labels, map, trajectory, arguments.last)?)?;
     print!("{}", table::side_by_side(&real, &generated));
     Ok(())
 }

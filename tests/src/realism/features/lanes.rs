@@ -46,12 +46,14 @@ impl Lanes {
         let expected = expected::lanes(view, map);
         let mut pieces = vec![0_usize; expected.len()];
         for feature in &view.features.lanes {
-            let length_px = feature.points_px.first().zip(feature.points_px.last()).map_or(0.0, |(a, b)| (a - b).norm());
+            let length_px =
+                feature.points_px.first().zip(feature.points_px.last()).map_or(0.0, |(a, b)| (a - b).norm());
             let size = size_bin(length_px, LENGTHS_PX);
             self.features[size] += 1;
             self.width_px.push(feature.line.width_px);
             self.probability.push(feature.line.probability);
-            let nearest = expected.iter().enumerate().filter_map(|(i, lane)| Some((i, Offsets::of(feature, lane, view)?)));
+            let nearest =
+                expected.iter().enumerate().filter_map(|(i, lane)| Some((i, Offsets::of(feature, lane, view)?)));
             match nearest.min_by(|a, b| a.1.median_m.total_cmp(&b.1.median_m)) {
                 Some((index, offsets)) => {
                     pieces[index] += 1;
@@ -82,9 +84,7 @@ impl Lanes {
         let (upper, lower) = (feature.line.upper_px, feature.line.lower_px);
         let (Some(far), Some(near)) = (at_row(lane, upper.y), at_row(lane, lower.y)) else { return };
         let (far, near) = (Point2::new(far.0, upper.y), Point2::new(near.0, lower.y));
-        if let (Some(found), Some(wanted)) =
-            (feature.line.line(), common::geometry::ImageLine::through(&far, &near))
-        {
+        if let (Some(found), Some(wanted)) = (feature.line.line(), common::geometry::ImageLine::through(&far, &near)) {
             let sine = found.normal.perp(&wanted.normal).abs().min(1.0);
             self.angle_deg.push(sine.asin().to_degrees());
             self.offset_px.push(wanted.signed_distance_px(&nalgebra::center(&upper, &lower)));
@@ -151,7 +151,11 @@ impl Lanes {
         rows.push(self.width_px.quantile("lane width in the mask, px, p95", 0.95));
         rows.push(self.probability.quantile("lane probability, median", 0.5));
         rows.push(self.near_end_px.quantile("lane feature ends above the line's end, rows, median", 0.5));
-        rows.push(per_frame("lane gaps within 30 m per 10 m of line", self.gaps_m.len(), (self.seen_m / 10.0) as usize));
+        rows.push(per_frame(
+            "lane gaps within 30 m per 10 m of line",
+            self.gaps_m.len(),
+            (self.seen_m / 10.0) as usize,
+        ));
         rows.push(self.gaps_m.quantile("lane gap length, m, median", 0.5));
         rows.push(self.tracks.row("lane features"));
         rows

@@ -2,9 +2,9 @@
 
 use common::map::{PoleKind, SemanticMap};
 use localizer::features::LineFeature;
+use localizer::vision::Class;
 use localizer::vision::config::PoleConfig;
 use localizer::vision::regions::{self, Growth};
-use localizer::vision::Class;
 use nalgebra::Point2;
 
 use super::expected::{self, ExpectedPole};

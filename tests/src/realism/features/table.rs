@@ -43,10 +43,7 @@ impl Samples {
     /// Rows of the median and the 95th percentile of the magnitudes.
     pub fn magnitudes(&self, name: &str) -> [Row; 2] {
         let magnitudes = Self(self.0.iter().map(|v| v.abs()).collect());
-        [
-            magnitudes.quantile(format!("{name}, median"), 0.5),
-            magnitudes.quantile(format!("{name}, p95"), 0.95),
-        ]
+        [magnitudes.quantile(format!("{name}, median"), 0.5), magnitudes.quantile(format!("{name}, p95"), 0.95)]
     }
 }
 

@@ -198,7 +198,15 @@ pub fn table(real: &Figures, made: &Figures) -> String {
         let absent = real.is_none() && made.is_none();
         // What is rare in both drives is a few points in each.
         let rare = name.contains("share") && real.zip(*made).is_some_and(|(real, made)| real.max(made) < 0.01);
-        let remark = if rare { "rare" } else if absent { "in neither" } else if far { "beyond 25 %" } else { "" };
+        let remark = if rare {
+            "rare"
+        } else if absent {
+            "in neither"
+        } else if far {
+            "beyond 25 %"
+        } else {
+            ""
+        };
         beyond += usize::from(far && !rare && !absent);
         let ratio = ratio.map_or_else(|| "-".into(), |ratio| format!("{ratio:.2}"));
         // Writing to a string does not fail.

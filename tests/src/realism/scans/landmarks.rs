@@ -58,7 +58,8 @@ impl Landmarks {
         for (foot, top) in self.posts.iter().map(bring) {
             seen.posts.extend(on_post(&foot, &top, view));
         }
-        let lines: Vec<_> = self.lines.iter().map(bring).filter(|(a, b)| a.coords.norm().min(b.coords.norm()) < 45.0).collect();
+        let lines: Vec<_> =
+            self.lines.iter().map(bring).filter(|(a, b)| a.coords.norm().min(b.coords.norm()) < 45.0).collect();
         for (i, p) in view.points.iter().enumerate() {
             if !view.is_ground(i) || view.range_m[i] > 40.0 || view.reflectance[i] <= 0.0 {
                 continue;

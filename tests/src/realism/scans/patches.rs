@@ -90,7 +90,8 @@ mod tests {
 
     #[test]
     fn a_wall_is_flat_and_leaves_are_not() {
-        let wall = |i: i32| Point3::new(5.5 + 0.01 * f64::from(i % 3 - 1), 0.13 * f64::from(i % 7), 0.16 * f64::from(i / 7));
+        let wall =
+            |i: i32| Point3::new(5.5 + 0.01 * f64::from(i % 3 - 1), 0.13 * f64::from(i % 7), 0.16 * f64::from(i / 7));
         let bush = |i: i32| Point3::new(5.0 + 0.2 * f64::from(i % 5), 0.13 * f64::from(i % 7), 0.16 * f64::from(i / 7));
         let of = |shape: &dyn Fn(i32) -> Point3<f64>| {
             let points: Vec<_> = (0..42).map(shape).collect();

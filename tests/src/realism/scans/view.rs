@@ -72,7 +72,12 @@ mod tests {
             .flat_map(|ring| {
                 (1..100).map(move |i| {
                     let azimuth = i as f32 * 0.063;
-                    ScanPoint { x_m: 9.0 * azimuth.cos(), y_m: 9.0 * azimuth.sin(), z_m: -ring as f32, reflectance: 0.2 }
+                    ScanPoint {
+                        x_m: 9.0 * azimuth.cos(),
+                        y_m: 9.0 * azimuth.sin(),
+                        z_m: -ring as f32,
+                        reflectance: 0.2,
+                    }
                 })
             })
             .collect();

@@ -44,8 +44,8 @@ impl Profile {
                 let room_m = STEP_M + SLOPE * ((i - at) as f64 * BIN_M).min(BLIND_M);
                 if let Some(low) = low.filter(|low| (low - last_m).abs() < room_m) {
                     // Also for the bins between, which were hidden.
-                    for j in at + 1..=i {
-                        heights[j] = last_m + (low - last_m) * (j - at) as f64 / (i - at) as f64;
+                    for (j, height_m) in heights[at..=i].iter_mut().enumerate().skip(1) {
+                        *height_m = last_m + (low - last_m) * j as f64 / (i - at) as f64;
                     }
                     (at, last_m) = (i, low);
                 } else {

@@ -3,7 +3,7 @@
 use common::geometry::Pose;
 use common::map::{LaneLine, Pole, PoleKind, SemanticMap, Sign, SignKind};
 use fixtures::truth::{TruePole, Truth};
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Matrix3, Point2, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::matching::one_to_one;
 
@@ -88,6 +88,48 @@ pub fn score(map: &SemanticMap, truth: &Truth, exact: &[Pose], within_m: f64) ->
     }
     score.lanes = lanes(map, truth, &counts);
     score
+}
+
+/// `exact_from_map`: the rigid motion that brings the poses that a map was built
+/// with onto the exact ones, both `map_from_camera` of the same frames. A survey
+/// that drifts gives a map that is right in itself and lies elsewhere.
+///
+/// Kabsch (1976), on the cameras' centres and axes.
+pub fn alignment(built: &[Pose], exact: &[Pose]) -> Pose {
+    const ARM_M: f64 = 10.0;
+    let pairs = || built.iter().zip(exact);
+    let count = pairs().count().max(1) as f64;
+    // Kabsch on centres and on the tips of the axes 10 m from them, so that a
+    // straight drive fixes the roll, too.
+    let centre = |poses: &mut dyn Iterator<Item = &Pose>| {
+        poses.map(|pose| pose.translation.vector).sum::<Vector3<f64>>() / count
+    };
+    let (from, to) = (centre(&mut pairs().map(|pair| pair.0)), centre(&mut pairs().map(|pair| pair.1)));
+    let mut spread = Matrix3::zeros();
+    for (a, b) in pairs() {
+        spread += (b.translation.vector - to) * (a.translation.vector - from).transpose();
+        for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+            spread += (b.rotation * axis) * (a.rotation * axis).transpose() * ARM_M * ARM_M;
+        }
+    }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&spread));
+    Pose::from_parts(Translation3::from(to - rotation * from), rotation)
+}
+
+/// The map in another frame of the same earth.
+#[must_use]
+pub fn moved(map: &SemanticMap, to_from_map: &Pose) -> SemanticMap {
+    let mut map = map.clone();
+    for pole in &mut map.poles {
+        (pole.foot_map, pole.top_map) = (to_from_map * pole.foot_map, to_from_map * pole.top_map);
+    }
+    for sign in &mut map.signs {
+        sign.centroid_map = to_from_map * sign.centroid_map;
+    }
+    for point in map.lanes.iter_mut().flat_map(|lane| &mut lane.points_map) {
+        *point = to_from_map * *point;
+    }
+    map
 }
 
 fn above(p: &Point3<f64>) -> Point2<f64> {
@@ -251,6 +293,19 @@ mod tests {
             lanes: vec![LaneLine { kind: LaneKind::Solid, points_map: line, road }],
             ..SemanticMap::default()
         }
+    }
+
+    #[test]
+    fn a_map_that_lies_elsewhere_is_brought_back() {
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.02, -0.1, 0.05));
+        let elsewhere = Pose::from_parts(Translation3::new(3.0, -1.0, 2.0), turn);
+        let exact: Vec<Pose> = (0..30).map(|z| Pose::translation(0.0, 0.0, f64::from(z))).collect();
+        let built: Vec<Pose> = exact.iter().map(|pose| elsewhere * pose).collect();
+        let back = alignment(&built, &exact) * elsewhere;
+        assert!((back.to_matrix() - nalgebra::Matrix4::identity()).norm() < 1e-9);
+        let there = moved(&map(), &elsewhere);
+        let here = moved(&there, &alignment(&built, &exact));
+        assert!((here.poles[0].foot_map - map().poles[0].foot_map).norm() < 1e-9);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use waymark_tests::map_score::{Found, MapScore, score};
+use waymark_tests::map_score::{Found, MapScore, alignment, moved, score};
 
 /// Scores a map against the truth of the generated drive that it was built
 /// from: recall, precision and errors by class.
@@ -18,6 +18,11 @@ struct Arguments {
     /// The drive, from `fixtures generate --out`.
     #[arg(long, value_name = "ROOT")]
     drive: PathBuf,
+    /// The poses that it was built with, from `mapper build --trajectory`: map
+    /// and truth are then aligned by them (rigidly), as a survey that drifts
+    /// gives a map that lies elsewhere.
+    #[arg(long, value_name = "POSES.txt")]
+    trajectory: Option<PathBuf>,
     /// What is farther from the driven path does not count, metres.
     #[arg(long, value_name = "M", default_value_t = 20.0)]
     within: f64,
@@ -42,6 +47,13 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     let exact =
         common::kitti::read_poses(arguments.drive.join("truth/poses.txt")).map_err(|error| error.to_string())?;
     let truth = waymark_tests::truth::read(&arguments.drive)?;
+    let map = match &arguments.trajectory {
+        Some(path) => {
+            let built = common::kitti::read_poses(path).map_err(|error| error.to_string())?;
+            moved(&map, &alignment(&built, &exact))
+        }
+        None => map,
+    };
     let score = score(&map, &truth, &exact, arguments.within);
     print(&score, arguments);
     Ok(())

@@ -16,6 +16,13 @@ const RINGS_TOGETHER: usize = 8;
 /// steps.
 const NEIGHBOUR_RAD: f64 = 0.0045;
 
+/// Rows farther apart than this share of the real value are marked.
+const WITHIN: f64 = 0.25;
+/// The mark.
+const BEYOND: &str = "beyond 25 %";
+/// Shares below this in both drives are not marked.
+const RARE: f64 = 0.01;
+
 /// A list of values for each bin of range.
 type Binned = [Vec<f64>; RANGE_M.len() - 1];
 
@@ -130,90 +137,154 @@ impl Figures {
         }
     }
 
-    /// Each figure with its name; none where there is too little to measure.
-    fn rows(&self) -> Vec<(String, Option<f64>)> {
-        let share = |count: usize, of: usize| (of > 0).then(|| count as f64 / of as f64);
+    /// Each figure; none where there is too little to measure.
+    fn rows(&self) -> Vec<Row> {
+        let mut rows = self.places();
+        rows.extend(self.landmarks());
+        rows.extend(self.surfaces());
+        rows.extend(self.reflectances());
+        rows
+    }
+
+    /// Where the points are.
+    fn places(&self) -> Vec<Row> {
         let mut rows = vec![
-            ("points per scan".into(), share(self.points, self.scans)),
-            ("share of ground".into(), share(self.ground, self.points)),
-            ("share above the sensor".into(), share(self.above_sensor, self.points)),
+            row(Source::Both, "points per scan", share(self.points, self.scans)),
+            row(Source::World, "share of ground", share(self.ground, self.points)),
+            row(Source::World, "share above the sensor", share(self.above_sensor, self.points)),
         ];
-        let names = |ends: &[f64], unit: &str| -> Vec<String> {
-            ends.windows(2).map(|e| format!("{} to {} {unit}", e[0], e[1])).collect()
-        };
-        let ranges = names(&RANGE_M, "m");
-        for (name, count) in ranges.iter().zip(self.range) {
-            rows.push((format!("share at {name}"), share(count, self.points)));
+        for (name, count) in names(&RANGE_M, "m").iter().zip(self.range) {
+            rows.push(row(Source::World, format!("share at {name}"), share(count, self.points)));
         }
         for (name, count) in names(&HEIGHT_M, "m above the ground").iter().zip(self.height) {
-            rows.push((format!("share {name}"), share(count, self.points)));
+            rows.push(row(Source::World, format!("share {name}"), share(count, self.points)));
         }
         for (group, count) in self.rings.iter().enumerate() {
             let first = group * RINGS_TOGETHER;
             let name = format!("points per ring, rings {first} to {}", first + RINGS_TOGETHER - 1);
-            rows.push((name, share(*count, self.scans * RINGS_TOGETHER)));
+            // Below, all rays meet the road or the car; above, the sky is open or not.
+            let source = if group < 2 { Source::World } else { Source::Sensor };
+            rows.push(row(source, name, share(*count, self.scans * RINGS_TOGETHER)));
         }
-        for (i, name) in ranges.iter().enumerate().skip(1).take(5) {
-            rows.push((format!("points per metre of a post at {name}"), quantile(&self.posts[i], 0.5)));
-        }
-        for (i, name) in ranges.iter().enumerate().skip(1).take(4) {
-            let contrast = mean(&self.paint[i]).zip(mean(&self.asphalt[i])).map(|(paint, asphalt)| paint - asphalt);
-            rows.push((format!("paint brighter than asphalt at {name}"), contrast));
-        }
-        rows.push(("wall, spread across, p5 (m)".into(), quantile(&self.wall_m, 0.05)));
-        rows.push(("wall, spread across, median (m)".into(), quantile(&self.wall_m, 0.5)));
-        rows.push(("wall, spread across, p95 (m)".into(), quantile(&self.wall_m, 0.95)));
-        rows.push(("share of cells that are wall".into(), share(self.wall_m.len(), self.solids)));
-        rows.push(("share of cells that are leaves".into(), share(self.leaves, self.solids)));
-        for (i, name) in ranges.iter().enumerate().skip(1).take(4) {
+        rows
+    }
+
+    /// Posts and paint.
+    fn landmarks(&self) -> Vec<Row> {
+        let ranges = names(&RANGE_M, "m");
+        let posts = ranges.iter().zip(&self.posts).skip(1).take(5).map(|(name, points)| {
+            row(Source::Sensor, format!("points per metre of a post at {name}"), quantile(points, 0.5))
+        });
+        let contrast = |i: usize| Some(mean(&self.paint[i])? - mean(&self.asphalt[i])?);
+        let paint =
+            (1..5).map(|i| row(Source::Sensor, format!("paint brighter than asphalt at {}", ranges[i]), contrast(i)));
+        posts.chain(paint).collect()
+    }
+
+    /// Walls, leaves, and the noise on the ground.
+    fn surfaces(&self) -> Vec<Row> {
+        let mut rows: Vec<Row> = [("p5", 0.05), ("median", 0.5), ("p95", 0.95)]
+            .map(|(name, part)| {
+                row(Source::Both, format!("wall, spread across, {name} (m)"), quantile(&self.wall_m, part))
+            })
+            .into();
+        rows.push(row(Source::World, "share of cells that are wall", share(self.wall_m.len(), self.solids)));
+        rows.push(row(Source::World, "share of cells that are leaves", share(self.leaves, self.solids)));
+        for (name, noise_m) in names(&RANGE_M, "m").iter().zip(&self.ring_noise_m).skip(1).take(4) {
             // A median of absolute values is 0.6745 standard deviations.
-            let noise = quantile(&self.ring_noise_m[i], 0.5).map(|noise| noise / 0.6745);
-            rows.push((format!("noise along a ring on the ground at {name} (m)"), noise));
+            let noise_m = quantile(noise_m, 0.5).map(|noise| noise / 0.6745);
+            rows.push(row(Source::Sensor, format!("noise along a ring on the ground at {name} (m)"), noise_m));
         }
-        for (i, name) in ranges.iter().enumerate().take(7) {
-            rows.push((format!("share without reflectance at {name}"), share(self.zero[i], self.range[i])));
-        }
+        rows
+    }
+
+    /// What is reported of surfaces.
+    fn reflectances(&self) -> Vec<Row> {
+        let ranges = names(&RANGE_M, "m");
+        let mut rows: Vec<Row> = (0..7)
+            .map(|i| {
+                let name = format!("share without reflectance at {}", ranges[i]);
+                row(Source::Sensor, name, share(self.zero[i], self.range[i]))
+            })
+            .collect();
         for (what, bins, count) in [
             ("ground", &self.ground_reflectance, 6),
             ("leaves", &self.leaf_reflectance, 4),
             ("all", &self.any_reflectance, 6),
         ] {
-            for (i, name) in ranges.iter().enumerate().skip(1).take(count) {
-                rows.push((format!("reflectance of {what} at {name}"), quantile(&bins[i], 0.5)));
+            for (name, values) in ranges.iter().zip(bins).skip(1).take(count) {
+                rows.push(row(Source::Sensor, format!("reflectance of {what} at {name}"), quantile(values, 0.5)));
             }
         }
         rows
     }
 }
 
+/// What decides a figure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Source {
+    /// The lidar and its materials.
+    Sensor,
+    /// What stands beside the road.
+    World,
+    /// Both.
+    Both,
+}
+
+/// One line of the table.
+struct Row {
+    source: Source,
+    name: String,
+    value: Option<f64>,
+}
+
+fn row(source: Source, name: impl Into<String>, value: Option<f64>) -> Row {
+    Row { source, name: name.into(), value }
+}
+
+fn share(count: usize, of: usize) -> Option<f64> {
+    (of > 0).then(|| count as f64 / of as f64)
+}
+
+fn names(ends: &[f64], unit: &str) -> Vec<String> {
+    ends.windows(2).map(|e| format!("{} to {} {unit}", e[0], e[1])).collect()
+}
+
 /// Both drives side by side, in Markdown.
 pub fn table(real: &Figures, made: &Figures) -> String {
-    let mut text = format!("| {} real scans, {} generated | real | generated | ratio | |\n", real.scans, made.scans);
-    text.push_str("|---|---:|---:|---:|---|\n");
+    let mut text =
+        format!("| {} real scans, {} generated | decided by | real | generated | ratio | |\n", real.scans, made.scans);
+    text.push_str("|---|---|---:|---:|---:|---|\n");
     let mut beyond = 0;
-    let rows: Vec<_> = real.rows().into_iter().zip(made.rows()).collect();
-    for ((name, real), (_, made)) in &rows {
-        let ratio = real.zip(*made).map(|(real, made)| made / real);
-        let far = ratio.is_none_or(|ratio| (ratio - 1.0).abs() > 0.25);
-        let absent = real.is_none() && made.is_none();
-        // What is rare in both drives is a few points in each.
-        let rare = name.contains("share") && real.zip(*made).is_some_and(|(real, made)| real.max(made) < 0.01);
-        let remark = if rare {
-            "rare"
-        } else if absent {
-            "in neither"
-        } else if far {
-            "beyond 25 %"
-        } else {
-            ""
+    let (real, made) = (real.rows(), made.rows());
+    for (real, made) in real.iter().zip(&made) {
+        let ratio = real.value.zip(made.value).map(|(real, made)| made / real);
+        let remark = remark(&real.name, real.value, made.value);
+        beyond += usize::from(remark == BEYOND);
+        let source = match real.source {
+            Source::Sensor => "sensor",
+            Source::World => "world",
+            Source::Both => "both",
         };
-        beyond += usize::from(far && !rare && !absent);
+        let (left, right) = (number(real.value), number(made.value));
         let ratio = ratio.map_or_else(|| "-".into(), |ratio| format!("{ratio:.2}"));
         // Writing to a string does not fail.
-        let _ = writeln!(text, "| {name} | {} | {} | {ratio} | {remark} |", number(*real), number(*made));
+        let _ = writeln!(text, "| {} | {source} | {left} | {right} | {ratio} | {remark} |", real.name);
     }
-    let _ = writeln!(text, "\n{beyond} of {} rows beyond 25 %", rows.len());
+    let _ = writeln!(text, "\n{beyond} of {} rows beyond {:.0} %", real.len(), 100.0 * WITHIN);
     text
+}
+
+/// What the last column says of a row.
+fn remark(name: &str, real: Option<f64>, made: Option<f64>) -> &'static str {
+    match real.zip(made) {
+        None if real.is_none() && made.is_none() => "in neither",
+        None => "in one only",
+        // What is rare in both drives is a few points in each.
+        Some((real, made)) if name.starts_with("share") && real.max(made) < RARE => "rare",
+        Some((real, made)) if (made / real - 1.0).abs() > WITHIN => BEYOND,
+        Some(_) => "",
+    }
 }
 
 fn number(value: Option<f64>) -> String {
@@ -222,5 +293,35 @@ fn number(value: Option<f64>) -> String {
         Some(value) if value.abs() >= 100.0 => format!("{value:.0}"),
         Some(value) if value.abs() >= 1.0 => format!("{value:.2}"),
         Some(value) => format!("{value:.4}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_far_apart_is_marked_and_what_is_rare_is_not() {
+        assert_eq!(remark("points per scan", Some(100.0), Some(124.0)), "");
+        assert_eq!(remark("points per scan", Some(100.0), Some(126.0)), BEYOND);
+        assert_eq!(remark("points per scan", Some(100.0), Some(74.0)), BEYOND);
+        assert_eq!(remark("share at 60 to 80 m", Some(0.001), Some(0.005)), "rare");
+        assert_eq!(remark("points per scan", Some(1.0), None), "in one only");
+        assert_eq!(remark("points per scan", None, None), "in neither");
+    }
+
+    #[test]
+    fn bins_hold_their_lower_end() {
+        assert_eq!(bin(5.0, &RANGE_M), Some(1));
+        assert_eq!((bin(80.0, &RANGE_M), bin(-1.0, &RANGE_M)), (None, None));
+    }
+
+    #[test]
+    fn a_drive_beside_itself_has_no_row_beyond() {
+        let text = table(&Figures::default(), &Figures::default());
+        assert!(
+            text.contains("\n0 of ") && text.lines().nth(2).is_some_and(|line| line.contains("in neither")),
+            "{text}"
+        );
     }
 }

@@ -17,6 +17,10 @@ use super::{DISTANCES_M, distance_bin, distance_name, pixels};
 const LENGTHS_PX: [f64; 2] = [30.0, 80.0];
 /// Areas of regions that are told apart, pixels.
 const AREAS_PX: [f64; 2] = [60.0, 400.0];
+/// A map of so few frames holds little beyond, metres.
+const FAR_M: f64 = 60.0;
+/// Height of KITTI's cameras over the road, metres.
+const CAMERA_HEIGHT_M: f64 = 1.65;
 const SIZES: [&str; 3] = ["small", "medium", "large"];
 const KINDS: [(PoleKind, &str); 4] = [
     (PoleKind::LampPost, "lamp posts"),
@@ -31,6 +35,8 @@ pub struct Poles {
     features: [usize; 3],
     regions: [usize; 3],
     false_features: [usize; 3],
+    /// Those whose foot lies so high in the image that the map ends before.
+    beyond: usize,
     found: [Share; DISTANCES_M.len() - 1],
     found_by_kind: [Share; KINDS.len()],
     fragments: Samples,
@@ -72,6 +78,9 @@ impl Poles {
                 }
                 None => {
                     self.false_features[size] += 1;
+                    let horizon_px = view.camera.cy_px;
+                    let is_far = feature.lower_px.y < horizon_px + pixels(&view.camera, CAMERA_HEIGHT_M, FAR_M);
+                    self.beyond += usize::from(is_far);
                     self.false_probability.push(feature.probability);
                     self.tracks.add(view.frame, nalgebra::center(&feature.upper_px, &feature.lower_px));
                 }
@@ -146,6 +155,9 @@ impl Poles {
         for (size, name) in SIZES.iter().enumerate() {
             rows.push(per_frame(format!("pole features false, {name}, per frame"), self.false_features[size], frames));
         }
+        let near = self.false_features.iter().sum::<usize>() - self.beyond;
+        rows.push(per_frame("pole features false beyond 60 m, per frame", self.beyond, frames));
+        rows.push(per_frame("pole features false nearer, per frame", near, frames));
         for (bin, share) in self.found.iter().enumerate() {
             rows.push(share.row(format!("poles found at {}, share", distance_name(bin))));
         }

@@ -15,3 +15,4 @@ mod real_kitti;
 mod refined_poses;
 mod settings;
 mod support;
+mod worlds;

@@ -9,6 +9,11 @@ use super::view::View;
 /// Points nearer than this to a pole's axis are on it, metres: the map is a few
 /// centimetres off, and a pulse at 40 m is 8 cm wide.
 const BESIDE_POLE_M: f64 = 0.25;
+/// Between this and that distance from the axis there is nothing about a post
+/// that stands free, metres.
+const FREE_M: (f64, f64) = (0.3, 0.7);
+/// At most this many points for each one on the post.
+const FREE_SHARE: f64 = 0.25;
 /// The part of a pole that is looked at, metres above its foot: above weeds, and
 /// low enough that posts of every kind have it.
 const POLE_PART_M: (f64, f64) = (0.4, 2.4);
@@ -80,7 +85,7 @@ impl Landmarks {
     }
 }
 
-/// Distance of a pole and points per metre of it.
+/// Distance of a pole that stands free, and points per metre of it.
 fn on_post(foot: &Point3<f64>, top: &Point3<f64>, view: &View) -> Option<(f64, f64)> {
     let axis = top - foot;
     let length_m = axis.norm();
@@ -89,13 +94,18 @@ fn on_post(foot: &Point3<f64>, top: &Point3<f64>, view: &View) -> Option<(f64, f
         return None;
     }
     let axis = axis / length_m;
-    let on = view.points.iter().filter(|p| {
-        let from_foot = *p - foot;
+    let (mut on, mut about) = (0, 0);
+    for p in &view.points {
+        let from_foot = p - foot;
         let up_m = from_foot.dot(&axis);
-        (low_m..high_m).contains(&up_m) && (from_foot - axis * up_m).norm() < BESIDE_POLE_M
-    });
-    let count = on.count();
-    (count >= FEWEST_ON_POLE).then(|| (foot.x.hypot(foot.y), count as f64 / (high_m - low_m)))
+        if (low_m..high_m).contains(&up_m) {
+            let beside_m = (from_foot - axis * up_m).norm();
+            on += usize::from(beside_m < BESIDE_POLE_M);
+            about += usize::from((FREE_M.0..FREE_M.1).contains(&beside_m));
+        }
+    }
+    let is_free = about as f64 <= FREE_SHARE * on as f64;
+    (on >= FEWEST_ON_POLE && is_free).then(|| (foot.x.hypot(foot.y), on as f64 / (high_m - low_m)))
 }
 
 /// Distance of a point from a piece of a line, where it lies beside it.

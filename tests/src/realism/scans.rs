@@ -19,10 +19,17 @@
 //! van at 4 m moves the share of the first 5 m by a third), so that one seed
 //! beyond 25 % is no fault, and all seeds on one side are.
 //!
-//! Two rows of the first kind follow the world too: what is without reflectance
-//! below 10 m (the lasers above the horizon lose what is near, and on KITTI 04
-//! that is the hedge alone), and walls, which on KITTI 04 are trimmed green and
-//! fences as often as masonry.
+//! Some rows follow both. Points on a post grow with its thickness, and ten
+//! scans of one road see few posts at each distance. Walls are trimmed green and
+//! fences as often as masonry on KITTI 04. What is without reflectance below
+//! 10 m depends on what is there: the lasers above the horizon lose what is
+//! near.
+//!
+//! How far two real drives are apart: KITTI 00 (frames 0 to 9, `--generated` with
+//! the real folder) beside KITTI 04 has 12 rows beyond 25 %. The sensor's rows
+//! agree (noise 0.90 to 1.02, walls 0.90 to 0.97, reflectances 0.95 to 1.24)
+//! but for what is without reflectance within 5 m (4.0: parked cars); the
+//! world's do not (30 to 40 m 0.51, leaves 0.44, 0.5 to 1 m high 1.76).
 
 mod figures;
 mod ground;

@@ -173,7 +173,7 @@ impl Figures {
     fn landmarks(&self) -> Vec<Row> {
         let ranges = names(&RANGE_M, "m");
         let posts = ranges.iter().zip(&self.posts).skip(1).take(5).map(|(name, points)| {
-            row(Source::Sensor, format!("points per metre of a post at {name}"), quantile(points, 0.5))
+            row(Source::Both, format!("points per metre of a post at {name}"), quantile(points, 0.5))
         });
         let contrast = |i: usize| Some(mean(&self.paint[i])? - mean(&self.asphalt[i])?);
         let paint =

@@ -11,9 +11,9 @@ use super::view::View;
 const BESIDE_POLE_M: f64 = 0.25;
 /// Between this and that distance from the axis there is nothing about a post
 /// that stands free, metres.
-const FREE_M: (f64, f64) = (0.3, 0.7);
+const FREE_M: (f64, f64) = (0.35, 0.7);
 /// At most this many points for each one on the post.
-const FREE_SHARE: f64 = 0.25;
+const FREE_SHARE: f64 = 0.4;
 /// The part of a pole that is looked at, metres above its foot: above weeds, and
 /// low enough that posts of every kind have it.
 const POLE_PART_M: (f64, f64) = (0.4, 2.4);

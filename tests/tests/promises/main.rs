@@ -11,6 +11,7 @@ mod cloud_with_classes;
 mod demo;
 mod determinism;
 mod map_from_scans;
+mod measured_streets;
 mod real_kitti;
 mod refined_poses;
 mod settings;

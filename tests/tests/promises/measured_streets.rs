@@ -1,0 +1,88 @@
+//! Streets laid along real trajectories with their measured poles (KITTI 00, 04
+//! and 07): the files that belong together are accepted and no others, poles
+//! stand where they were measured, and drives go where the real ones went.
+
+use std::path::{Path, PathBuf};
+
+use common::kitti;
+use fixtures::Error;
+use fixtures::drive::Drive;
+use fixtures::landmark::Landmark;
+use fixtures::world::survey_street::files::{self, pole_in_world, world_from_survey};
+use fixtures::world::{World, WorldSpec};
+use nalgebra::Point3;
+use waymark_tests::data;
+
+const DRIVES: [&str; 3] = ["00", "04", "07"];
+
+fn poses(root: &Path, drive: &str) -> PathBuf {
+    root.join(format!("kitti/poses/{drive}.txt"))
+}
+
+fn poles(root: &Path, drive: &str) -> PathBuf {
+    root.join(format!("kitti/pole_maps/{drive}.csv"))
+}
+
+#[test]
+fn poses_and_poles_of_one_drive_belong_together_and_no_others() {
+    let Some(root) = data::folder() else { return };
+    for of_poses in DRIVES {
+        for of_poles in DRIVES {
+            let read = files::read(Some(&poses(&root, of_poses)), Some(&poles(&root, of_poles)));
+            if of_poses == of_poles {
+                let (near, covered) = read.unwrap().shares();
+                assert!(near > 0.95 && covered > 0.95, "{of_poses}: {near} {covered}");
+            } else {
+                assert!(matches!(read, Err(Error::NotTogether { .. })), "poses {of_poses}, poles {of_poles}");
+            }
+        }
+    }
+}
+
+#[test]
+fn drives_go_where_the_real_ones_went_past_the_poles_that_were_measured() {
+    let Some(root) = data::folder() else { return };
+    for name in ["04", "07"] {
+        let spec = WorldSpec {
+            poses: Some(poses(&root, name)),
+            poles: Some(poles(&root, name)),
+            ..WorldSpec::named("from-survey", 1)
+        };
+        let world = World::new(&spec).unwrap();
+        let real = kitti::read_poses(poses(&root, name)).unwrap();
+        assert_eq!(world.frames, real.len());
+        let drive = Drive::new(&world, world.frames, 1, 0);
+        let way: Vec<_> = real.iter().map(|pose| world_from_survey(&Point3::from(pose.translation.vector))).collect();
+        let plan = |pose: &common::geometry::Pose, i: usize| {
+            (pose.translation.vector.x - way[i].x).hypot(pose.translation.vector.y - way[i].y)
+        };
+        let mut offsets: Vec<f64> = Vec::new();
+        for (frame, pose) in drive.world_from_camera.iter().enumerate() {
+            // Drivers hold a speed to 3 %: in time within half a second.
+            assert!(plan(pose, frame) < 7.0, "{name}, frame {frame}: {} m", plan(pose, frame));
+            // They wander in their lane by 12 cm, whenever they are there.
+            let segment_m = way.windows(2).map(|pair| {
+                let (a, way) = (pair[0].truncate(), (pair[1] - pair[0]).truncate());
+                let to = fixtures::landmark::from_point(Point3::from(pose.translation.vector)).truncate() - a;
+                (to - way * (to.dot(way) / way.length_squared().max(1e-12)).clamp(0.0, 1.0)).length()
+            });
+            offsets.push(segment_m.fold(f64::INFINITY, f64::min));
+        }
+        offsets.sort_by(f64::total_cmp);
+        let (median_m, most_m) = (offsets[offsets.len() / 2], offsets[offsets.len() - 1]);
+        assert!(median_m < 0.15 && most_m < 0.6, "{name}: {median_m} m and up to {most_m} m beside the real way");
+
+        let text = std::fs::read_to_string(poles(&root, name)).unwrap();
+        let (mut rows, mut met) = (0, 0);
+        for row in text.lines().skip(1) {
+            let (x, y) = row.split_once(',').unwrap();
+            let [x, y] = pole_in_world(x.trim().parse().unwrap(), y.trim().parse().unwrap());
+            rows += 1;
+            met += usize::from(world.landmarks.iter().any(
+                |landmark| matches!(landmark, Landmark::Pole { foot, .. } if (foot.x - x).hypot(foot.y - y) < 1e-6),
+            ));
+        }
+        assert!(met * 10 >= rows * 9, "{name}: {met} of {rows} poles");
+        assert!(world.notes[0].starts_with(&format!("{met} of {rows} measured poles")), "{}", world.notes[0]);
+    }
+}

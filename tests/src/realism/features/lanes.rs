@@ -8,7 +8,7 @@ use localizer::vision::regions::{self, Growth};
 use nalgebra::Point2;
 
 use super::expected::{self, LanePlace, STEP_M};
-use super::persistence::Tracks;
+use super::persistence::{Changes, Tracks};
 use super::poles::size_bin;
 use super::side::View;
 use super::table::{Row, Samples, Share, per_frame};
@@ -29,6 +29,8 @@ pub struct Lanes {
     lateral_px: Samples,
     angle_deg: Samples,
     offset_px: Samples,
+    angle_change_deg: Changes,
+    offset_change_px: Changes,
     width_px: Samples,
     near_end_px: Samples,
     probability: Samples,
@@ -57,7 +59,7 @@ impl Lanes {
             match nearest.min_by(|a, b| a.1.median_m.total_cmp(&b.1.median_m)) {
                 Some((index, offsets)) => {
                     pieces[index] += 1;
-                    self.add_match(feature, &expected[index], &offsets);
+                    self.add_match(feature, (view.frame, index), &expected[index], &offsets);
                 }
                 None => {
                     self.false_features[size] += 1;
@@ -73,7 +75,7 @@ impl Lanes {
         }
     }
 
-    fn add_match(&mut self, feature: &LaneFeature, lane: &[LanePlace], offsets: &Offsets) {
+    fn add_match(&mut self, feature: &LaneFeature, (frame, id): (usize, usize), lane: &[LanePlace], offsets: &Offsets) {
         for &(du_px, du_m, depth_m) in &offsets.all {
             self.lateral_px.push(du_px);
             if let Some(bin) = distance_bin(depth_m) {
@@ -85,9 +87,12 @@ impl Lanes {
         let (Some(far), Some(near)) = (at_row(lane, upper.y), at_row(lane, lower.y)) else { return };
         let (far, near) = (Point2::new(far.0, upper.y), Point2::new(near.0, lower.y));
         if let (Some(found), Some(wanted)) = (feature.line.line(), common::geometry::ImageLine::through(&far, &near)) {
-            let sine = found.normal.perp(&wanted.normal).abs().min(1.0);
+            let sine = found.normal.perp(&wanted.normal).clamp(-1.0, 1.0);
+            let offset_px = wanted.signed_distance_px(&nalgebra::center(&upper, &lower));
             self.angle_deg.push(sine.asin().to_degrees());
-            self.offset_px.push(wanted.signed_distance_px(&nalgebra::center(&upper, &lower)));
+            self.offset_px.push(offset_px);
+            self.angle_change_deg.add(id, frame, sine.asin().to_degrees());
+            self.offset_change_px.add(id, frame, offset_px);
         }
         if let (Some(last), Some(place)) =
             (feature.points_px.last(), lane.iter().max_by(|a, b| a.at_px.y.total_cmp(&b.at_px.y)))
@@ -147,6 +152,8 @@ impl Lanes {
         rows.push(self.lateral_px.quantile("lane sideways error, px, median with sign", 0.5));
         rows.extend(self.angle_deg.magnitudes("lane angle error, degrees"));
         rows.extend(self.offset_px.magnitudes("lane offset error, px"));
+        rows.extend(self.angle_change_deg.rows("lane angle, frame to frame, degrees"));
+        rows.extend(self.offset_change_px.rows("lane offset, frame to frame, px"));
         rows.push(self.width_px.quantile("lane width in the mask, px, median", 0.5));
         rows.push(self.width_px.quantile("lane width in the mask, px, p95", 0.95));
         rows.push(self.probability.quantile("lane probability, median", 0.5));

@@ -79,3 +79,29 @@ impl Tracks {
         self.again.row(format!("{class} false that were there a frame before, share"))
     }
 }
+
+/// How a figure of the same landmark changes from frame to frame: what is left
+/// of an error when that of the map and of the poses, which change slowly, is
+/// taken away.
+#[derive(Debug, Default)]
+pub struct Changes {
+    last: BTreeMap<usize, (usize, f64)>,
+    changes: Samples,
+}
+
+impl Changes {
+    /// The figure of a landmark in a frame; frames ascend.
+    pub fn add(&mut self, landmark: usize, frame: usize, value: f64) {
+        if let Some((before, last)) = self.last.insert(landmark, (frame, value))
+            && before + 1 == frame
+        {
+            // Of two values that err independently.
+            self.changes.push((value - last) * std::f64::consts::FRAC_1_SQRT_2);
+        }
+    }
+
+    /// Its rows.
+    pub fn rows(&self, name: &str) -> [Row; 2] {
+        self.changes.magnitudes(name)
+    }
+}

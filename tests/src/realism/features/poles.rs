@@ -8,7 +8,7 @@ use localizer::vision::regions::{self, Growth};
 use nalgebra::Point2;
 
 use super::expected::{self, ExpectedPole};
-use super::persistence::{Sightings, Tracks};
+use super::persistence::{Changes, Sightings, Tracks};
 use super::side::View;
 use super::table::{Row, Samples, Share, per_frame};
 use super::{DISTANCES_M, distance_bin, distance_name, pixels};
@@ -44,6 +44,9 @@ pub struct Poles {
     offset_px: Samples,
     top_px: Samples,
     foot_px: Samples,
+    angle_change_deg: Changes,
+    offset_change_px: Changes,
+    foot_change_px: Changes,
     width_px: Samples,
     width_of_m: Samples,
     probability: Samples,
@@ -108,13 +111,17 @@ impl Poles {
         let direction = |a: Point2<f64>, b: Point2<f64>| ((b.x - a.x) / (b.y - a.y).max(1e-9)).atan();
         let angle = direction(feature.upper_px, feature.lower_px) - direction(pole.upper_px, pole.lower_px);
         let middle = nalgebra::center(&feature.upper_px, &feature.lower_px);
+        let offset_px = middle.x - pole.column_at(middle.y);
         self.angle_deg.push(angle.to_degrees());
-        self.offset_px.push(middle.x - pole.column_at(middle.y));
+        self.offset_px.push(offset_px);
+        self.angle_change_deg.add(pole.id, view.frame, angle.to_degrees());
+        self.offset_change_px.add(pole.id, view.frame, offset_px);
         if view.contains(&pole.upper_px, 6.0) {
             self.top_px.push(feature.upper_px.y - pole.upper_px.y);
         }
         if view.contains(&pole.lower_px, 6.0) {
             self.foot_px.push(feature.lower_px.y - pole.lower_px.y);
+            self.foot_change_px.add(pole.id, view.frame, feature.lower_px.y - pole.lower_px.y);
         }
         self.width_px.push(feature.width_px);
         self.width_of_m.push(feature.width_px / pixels(&view.camera, 1.0, pole.depth_m));
@@ -171,6 +178,9 @@ impl Poles {
         rows.extend(self.top_px.magnitudes("pole top error, px"));
         rows.push(self.foot_px.quantile("pole foot below the true one, px, median", 0.5));
         rows.extend(self.foot_px.magnitudes("pole foot error, px"));
+        rows.extend(self.angle_change_deg.rows("pole angle, frame to frame, degrees"));
+        rows.extend(self.offset_change_px.rows("pole offset, frame to frame, px"));
+        rows.extend(self.foot_change_px.rows("pole foot, frame to frame, px"));
         rows.push(self.width_px.quantile("pole width in the mask, px, median", 0.5));
         rows.push(self.width_of_m.quantile("pole width in the mask, m, median", 0.5));
         rows.push(self.probability.quantile("pole probability, p10", 0.1));

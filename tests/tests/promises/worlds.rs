@@ -74,7 +74,9 @@ fn the_same_seed_gives_the_same_drive_and_another_seed_another() {
     generate("square", &other, &["--seed", "4"]);
     assert!(files(&one) == files(&two));
     let (first, third) = (files(&one), files(&other));
-    for name in ["sequences/00/velodyne/000000.bin", "truth.json", "poses/00.txt", "sequences/00/labels_2/pole/000000.png"] {
+    for name in
+        ["sequences/00/velodyne/000000.bin", "truth.json", "poses/00.txt", "sequences/00/labels_2/pole/000000.png"]
+    {
         assert!(first[Path::new(name)] != third[Path::new(name)], "{name}");
     }
 }

@@ -56,15 +56,12 @@ impl Lanes {
             self.probability.push(feature.line.probability);
             let nearest =
                 expected.iter().enumerate().filter_map(|(i, lane)| Some((i, Offsets::of(feature, lane, view)?)));
-            match nearest.min_by(|a, b| a.1.median_m.total_cmp(&b.1.median_m)) {
-                Some((index, offsets)) => {
-                    pieces[index] += 1;
-                    self.add_match(feature, (view.frame, index), &expected[index], &offsets);
-                }
-                None => {
-                    self.false_features[size] += 1;
-                    self.tracks.add(view.frame, nalgebra::center(&feature.line.upper_px, &feature.line.lower_px));
-                }
+            if let Some((index, offsets)) = nearest.min_by(|a, b| a.1.median_m.total_cmp(&b.1.median_m)) {
+                pieces[index] += 1;
+                self.add_match(feature, (view.frame, index), &expected[index], &offsets);
+            } else {
+                self.false_features[size] += 1;
+                self.tracks.add(view.frame, nalgebra::center(&feature.line.upper_px, &feature.line.lower_px));
             }
         }
         for (lane, pieces) in expected.iter().zip(pieces) {

@@ -74,19 +74,16 @@ impl Poles {
         for feature in &view.features.poles {
             let size = size_bin(feature.length_px(), LENGTHS_PX);
             self.features[size] += 1;
-            match explanation(feature, &expected, view) {
-                Some(index) => {
-                    pieces[index] += 1;
-                    self.add_match(feature, &expected[index], view);
-                }
-                None => {
-                    self.false_features[size] += 1;
-                    let horizon_px = view.camera.cy_px;
-                    let is_far = feature.lower_px.y < horizon_px + pixels(&view.camera, CAMERA_HEIGHT_M, FAR_M);
-                    self.beyond += usize::from(is_far);
-                    self.false_probability.push(feature.probability);
-                    self.tracks.add(view.frame, nalgebra::center(&feature.upper_px, &feature.lower_px));
-                }
+            if let Some(index) = explanation(feature, &expected, view) {
+                pieces[index] += 1;
+                self.add_match(feature, &expected[index], view);
+            } else {
+                self.false_features[size] += 1;
+                let horizon_px = view.camera.cy_px;
+                let is_far = feature.lower_px.y < horizon_px + pixels(&view.camera, CAMERA_HEIGHT_M, FAR_M);
+                self.beyond += usize::from(is_far);
+                self.false_probability.push(feature.probability);
+                self.tracks.add(view.frame, nalgebra::center(&feature.upper_px, &feature.lower_px));
             }
         }
         for (pole, pieces) in expected.iter().zip(pieces).filter(|(pole, _)| pole.is_visible) {

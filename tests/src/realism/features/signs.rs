@@ -61,20 +61,17 @@ impl Signs {
                 (off < reach).then_some(off)
             };
             let nearest = expected.iter().enumerate().filter_map(|(index, sign)| Some((index, off(sign)?)));
-            match nearest.min_by(|a, b| a.1.total_cmp(&b.1)) {
-                Some((index, off)) => {
-                    let sign = &expected[index];
-                    found[index] = true;
-                    self.centroid_px.push(off);
-                    let size_px = pixels(&view.camera, sign.sign.size_m, sign.depth_m);
-                    self.size_ratio.push(feature.extent_px.max() / size_px);
-                    self.probability.push(feature.probability);
-                }
-                None => {
-                    self.false_features[size] += 1;
-                    self.false_probability.push(feature.probability);
-                    self.tracks.add(view.frame, feature.centre_px);
-                }
+            if let Some((index, off)) = nearest.min_by(|a, b| a.1.total_cmp(&b.1)) {
+                let sign = &expected[index];
+                found[index] = true;
+                self.centroid_px.push(off);
+                let size_px = pixels(&view.camera, sign.sign.size_m, sign.depth_m);
+                self.size_ratio.push(feature.extent_px.max() / size_px);
+                self.probability.push(feature.probability);
+            } else {
+                self.false_features[size] += 1;
+                self.false_probability.push(feature.probability);
+                self.tracks.add(view.frame, feature.centre_px);
             }
         }
         for (sign, found) in expected.iter().zip(found).filter(|(sign, _)| sign.is_visible) {

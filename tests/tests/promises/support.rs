@@ -75,6 +75,10 @@ pub const FRAMES: usize = 60;
 
 pub static DEMO: LazyLock<Demo> = LazyLock::new(|| {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("demo");
+    // An earlier version may have left a drive that this one does not know.
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
     let frames = FRAMES.to_string();
     let words = ["--out", text(&folder), "--frames", &frames];
     let output = Command::new(env!("CARGO_BIN_EXE_demo")).args(words).output().unwrap();

@@ -121,6 +121,6 @@ fn wrong_worlds_and_folders_of_others_are_refused() {
     std::fs::create_dir(&out).unwrap();
     std::fs::write(out.join("notes.txt"), "mine").unwrap();
     let words = ["generate", "--frames", "2", "--out", text(&out)];
-    run("fixtures", &words).refused(&["drive", "notes.txt"]);
+    run("fixtures", &words).refused(&["drive is not empty", "give an empty or a new folder"]);
     assert_eq!(std::fs::read(out.join("notes.txt")).unwrap(), b"mine");
 }

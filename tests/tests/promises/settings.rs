@@ -9,12 +9,33 @@ use crate::support::{build, plain, run, text};
 fn printed_settings_can_be_given_back() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("all.toml");
-    for (program, command) in [("mapper", "build"), ("localizer", "run")] {
+    for (program, command) in [("mapper", "build"), ("localizer", "run"), ("fixtures", "generate")] {
         let printed = run(program, &[command, "--print-config"]).ok();
         std::fs::write(&file, &printed).unwrap();
         let again = run(program, &[command, "--print-config", "--config", text(&file)]).ok();
         assert_eq!(printed, again);
     }
+}
+
+#[test]
+fn a_drive_by_a_settings_file_and_settings_that_make_no_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("drive.toml"), folder.path().join("drive"));
+    let generate = |settings: &str, more: &[&str]| {
+        std::fs::write(&file, settings).unwrap();
+        let words = ["generate", "--config", text(&file), "--out", text(&out)];
+        run("fixtures", &[&words[..], more].concat())
+    };
+    generate("scan_every = 2\n[world]\nname = \"sparse\"\nframes = 3\n", &["--seed", "9"]).ok();
+    let manifest: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("manifest.json")).unwrap()).unwrap();
+    let options = &manifest["options"];
+    assert_eq!((&options["world"]["name"], &options["world"]["seed"]), (&"sparse".into(), &9.into()));
+    assert_eq!((&options["world"]["frames"], &options["scan_every"]), (&3.into(), &2.into()));
+    generate("[lidar]\nmax_rang_m = 3\n", &[]).refused(&["drive.toml:2", "did you mean `max_range_m`"]);
+    generate("[labels]\nmax_range_m = -1.0\n", &[]).refused(&["labels.max_range_m is -1"]);
+    generate("[lidar]\ndropout = nan\n", &[]).refused(&["[lidar]", "not finite"]);
+    generate("[logs.gnss]\nrate_hz = 0.0\n", &[]).refused(&["gnss.rate_hz is 0"]);
 }
 
 #[test]

@@ -4,12 +4,12 @@
 //! without the generator's truth:
 //!
 //! - *Ground* is what lies within 0.15 m of a height profile that grows outwards
-//!   from below the sensor in each of 180 sectors ([`ground`]).
+//!   from below the sensor in each of 180 sectors (`ground`).
 //! - *Poles and lane lines* are those of the map that `mapper build` makes of
 //!   each drive (its own poses, its own landmarks), so that what is missed or
-//!   displaced in a real map is so in the generated one ([`landmarks`]).
+//!   displaced in a real map is so in the generated one (`landmarks`).
 //! - *Walls* and *leaves* are told apart by the spread of the points of a cubic
-//!   metre about its best plane ([`patches`]).
+//!   metre about its best plane (`patches`).
 //!
 //! Each row says who decides it. The *sensor*'s rows (noise, points per ring and
 //! post, reflectances and their absence) are fitted to KITTI 04, and hold for

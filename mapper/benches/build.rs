@@ -99,7 +99,9 @@ fn poles(bencher: Bencher) {
 
 #[divan::bench(sample_count = 20)]
 fn signs(bencher: Bencher) {
-    bencher.counter(ItemsCount::new(CASE.cloud.points.len())).bench(|| find_signs(&CASE.cloud, &CASE.config.signs));
+    bencher
+        .counter(ItemsCount::new(CASE.cloud.points.len()))
+        .bench(|| find_signs(&CASE.cloud, &CASE.config.signs, &CASE.config.lidar));
 }
 
 #[divan::bench(sample_count = 20)]

@@ -147,7 +147,7 @@ fn extract(cloud: &Cloud, owned: &std::ops::Range<f64>, map: &SemanticMap, confi
     let owns = |p: &Point3<f64>| owned.contains(&cloud.place(p).station_m);
     let (poles, (signs, lanes)) = rayon::join(
         || find_poles(cloud, &config.poles, &config.lidar),
-        || rayon::join(|| find_signs(cloud, &config.signs), || find_lanes(cloud, config)),
+        || rayon::join(|| find_signs(cloud, &config.signs, &config.lidar), || find_lanes(cloud, config)),
     );
     Found {
         poles: poles

@@ -7,6 +7,7 @@ use parry3d::transformation::try_convex_hull;
 use serde::{Deserialize, Serialize};
 
 use crate::cloud::{Cloud, CloudPoint};
+use crate::lidar::LidarConfig;
 
 /// How signs are told from everything else that is bright.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -19,6 +20,9 @@ pub struct SignConfig {
     pub lowest_m: f64,
     /// Points nearer than this to each other are one sign, metres.
     pub join_m: f64,
+    /// Least gap between two plates on one post, metres: plates are mounted
+    /// with a hand's width between them, blurred by the beams and the poses.
+    pub plate_gap_m: f64,
     /// Least share of bright points among all that the same scans have in the
     /// box around them: on a wall only some stones are bright.
     pub least_bright_share: f64,
@@ -44,6 +48,7 @@ impl Default for SignConfig {
             least_reflectance: 0.7,
             lowest_m: 1.2,
             join_m: 0.35,
+            plate_gap_m: 0.05,
             least_bright_share: 0.4,
             fewest_points: 10,
             fewest_scans: 2,
@@ -71,7 +76,7 @@ pub struct FoundSign {
 }
 
 /// The signs of a stitched cloud, in the order of their first points.
-pub fn find_signs(cloud: &Cloud, config: &SignConfig) -> Vec<FoundSign> {
+pub fn find_signs(cloud: &Cloud, config: &SignConfig, lidar: &LidarConfig) -> Vec<FoundSign> {
     let bright: Vec<&CloudPoint> = cloud
         .points
         .iter()
@@ -79,14 +84,27 @@ pub fn find_signs(cloud: &Cloud, config: &SignConfig) -> Vec<FoundSign> {
         .collect();
     clusters(&bright, config.join_m)
         .iter()
+        .flat_map(|c| plates(c, config, lidar))
+        .collect::<Vec<_>>()
+        .iter()
         .filter(|c| bright_share(c, cloud) >= config.least_bright_share)
         .filter(|c| following(c, cloud) <= config.largest_following)
         .filter_map(|c| sign(c, config))
         .collect()
 }
 
+/// The plates of a cluster, one above the other on one post: between them is a
+/// gap that is wider than that between two beams.
+fn plates<'a>(cluster: &[&'a CloudPoint], config: &SignConfig, lidar: &LidarConfig) -> Vec<Vec<&'a CloudPoint>> {
+    let mut points = cluster.to_vec();
+    points.sort_by(|a, b| a.position.y.total_cmp(&b.position.y));
+    let nearest_m = points.iter().map(|p| f64::from(p.range_m)).fold(f64::INFINITY, f64::min);
+    let gap_m = config.plate_gap_m.max(1.2 * nearest_m * lidar.elevation_step_rad);
+    points.chunk_by(|a, b| b.position.y - a.position.y < gap_m).map(<[_]>::to_vec).collect()
+}
+
 /// Groups of points joined by steps of at most `join_m`.
-fn clusters<'a>(points: &[&'a CloudPoint], join_m: f64) -> Vec<Vec<&'a CloudPoint>> {
+pub(crate) fn clusters<'a>(points: &[&'a CloudPoint], join_m: f64) -> Vec<Vec<&'a CloudPoint>> {
     let places: Vec<[f64; 3]> = points.iter().map(|p| p.position.coords.into()).collect();
     // No points have no tree, and no clusters.
     let Ok(tree) = ImmutableKdTree::<f64, 3>::new_from_slice(&places) else { return Vec::new() };
@@ -264,5 +282,19 @@ mod tests {
     fn what_one_scan_saw_is_no_sign() {
         assert!(found(&plate(1)).is_empty());
         assert!(found(&[]).is_empty());
+    }
+
+    #[test]
+    fn two_plates_on_one_post_are_two() {
+        let (upper, mut lower) = (plate(3), plate(3));
+        for p in &mut lower {
+            p.position.y += 0.85;
+        }
+        let both: Vec<&CloudPoint> = upper.iter().chain(&lower).collect();
+        let config = SignConfig::default();
+        let joined = clusters(&both, config.join_m);
+        assert_eq!(joined.len(), 1);
+        assert_eq!(plates(&joined[0], &config, &LidarConfig::default()).len(), 2);
+        assert_eq!(plates(&joined[0], &SignConfig { plate_gap_m: 0.3, ..config }, &LidarConfig::default()).len(), 1);
     }
 }

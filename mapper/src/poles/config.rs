@@ -18,6 +18,12 @@ pub struct PoleConfig {
     /// Outer radius of the ring that must be free, metres: a pole stands free
     /// of walls and hedges by at least this much.
     pub ring_outer_m: f64,
+    /// From this far off its surface on points are not its own, metres: noise
+    /// and the edges of beams.
+    pub gap_from_m: f64,
+    /// What reaches from a pole outwards is seen up to here, metres off its
+    /// surface: what stands behind it stands farther off.
+    pub gap_to_m: f64,
     /// Points in the ring over those in the core from which on a slice counts
     /// as hindered: stray echoes and misplaced scans leave some.
     pub largest_clutter: f64,
@@ -77,6 +83,29 @@ pub struct PoleConfig {
     pub lowest_top_m: f64,
     /// Least free length of a pole that does not reach the ground, metres.
     pub least_free_hanging_m: f64,
+    /// Largest share of a low post's slices in which something reaches from it
+    /// outwards: a post of a fence carries its rails.
+    pub largest_attached_share: f64,
+    /// Top of what ends below any sign, metres above ground.
+    pub short_top_m: f64,
+    /// Largest radius of what ends below any sign, metres: delineators and
+    /// bollards are tubes of 6 to 12 cm across, what is thicker is a gate post,
+    /// a person or a box.
+    pub thickest_short_m: f64,
+    /// Reflectance of retro-reflective sheeting: the lidar saturates on it.
+    pub least_reflectance: f32,
+    /// The same for what must have been put up for the traffic.
+    pub sheeting_reflectance: f32,
+    /// Heights of the reflectors of delineators and bollards, metres above ground.
+    pub reflector_m: [f64; 2],
+    /// Largest extent of such a reflector along the ground, metres: those of
+    /// vehicles and their plates are wider.
+    pub widest_reflector_m: f64,
+    /// Largest height of the post over its highest reflector, metres.
+    pub reflector_below_top_m: f64,
+    /// Distance from the reflector's middle within which its post is looked
+    /// for, metres: a hedge may begin beyond.
+    pub reflector_reach_m: f64,
     /// Top of a delineator or bollard at most, metres above ground.
     pub delineator_top_m: f64,
     /// Top of a lamp post at least, metres above ground.
@@ -100,6 +129,8 @@ impl Default for PoleConfig {
             core_radius_m: 0.2,
             ring_inner_m: 0.35,
             ring_outer_m: 0.7,
+            gap_from_m: 0.12,
+            gap_to_m: 0.3,
             largest_clutter: 0.3,
             least_free_m: 0.6,
             largest_tilt_rad: 0.175,
@@ -124,6 +155,15 @@ impl Default for PoleConfig {
             crown_share: 0.015,
             lowest_top_m: 0.75,
             least_free_hanging_m: 1.1,
+            largest_attached_share: 0.5,
+            short_top_m: 2.0,
+            thickest_short_m: 0.12,
+            least_reflectance: 0.7,
+            sheeting_reflectance: 0.9,
+            reflector_m: [0.35, 1.2],
+            widest_reflector_m: 0.25,
+            reflector_below_top_m: 0.2,
+            reflector_reach_m: 0.15,
             delineator_top_m: 1.5,
             lamp_top_m: 4.5,
             open_lamp_top_m: 2.8,

@@ -13,12 +13,13 @@ use crate::lidar::{LidarConfig, View};
 /// A pole as fitted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FittedPole {
-    /// Lower end of the axis, map frame, metres: on the ground where the pole
-    /// can be followed down to it.
+    /// Lower end of the axis, map frame, metres: on the ground, whether the
+    /// pole can be seen down to it or not.
     pub foot: Point3<f64>,
     /// Upper end of the axis, map frame, metres.
     pub top: Point3<f64>,
-    /// Height of the lower end above ground, metres.
+    /// Height above ground from which on it is seen, metres; 0 where that is
+    /// near the ground.
     pub foot_height_m: f64,
     /// Height of the upper end above ground, metres.
     pub top_height_m: f64,
@@ -37,6 +38,11 @@ pub struct FittedPole {
     pub free_m: f64,
     /// Whether it ends where the scanners' field of view does.
     pub top_is_open: bool,
+    /// Share of its slices in which something reaches from it outwards: rails
+    /// of a fence, boards, a hedge that it stands in.
+    pub attached_share: f64,
+    /// Largest reflectance that at least three of its points have.
+    pub reflectance: f32,
 }
 
 impl FittedPole {
@@ -65,6 +71,7 @@ struct Hit {
     from_lidar: Vector2<f64>,
     scan: u16,
     range: f64,
+    reflectance: f32,
 }
 
 impl Hit {
@@ -79,6 +86,7 @@ impl Hit {
             from_lidar,
             scan: p.scan,
             range: f64::from(p.range_m),
+            reflectance: p.reflectance,
         }
     }
 }
@@ -186,6 +194,35 @@ fn refine(hits: &[Hit], start: Axis, config: &PoleConfig) -> Axis {
 /// its width, from their mean: `sqrt(1/3 + 2/3 - (pi/4)^2)`.
 const SHELL_SPREAD: f64 = 0.62;
 
+/// Fewest points that tell that something is there: one or two are strays.
+const FEWEST_BESIDE: u32 = 3;
+
+/// Share of the slices of a pole in which something reaches from it outwards:
+/// points just beside it, seen by more than a quarter of the scans that saw the pole there.
+/// Whoever walks by is there in one scan, and behind a gap it is a background.
+fn attached_share(hits: &[Hit], axis: &Axis, radius_m: f64, (low_m, high_m): (f64, f64), config: &PoleConfig) -> f64 {
+    let (from_m, to_m) = (radius_m + config.gap_from_m, radius_m + config.gap_to_m);
+    let slice = |above_ground: f64| ((above_ground - low_m) / config.slice_m) as usize;
+    let count = slice(high_m) + 1;
+    let mut core = vec![(0_u32, 0_u64); count];
+    let mut beside = vec![(0_u32, 0_u64); count];
+    for hit in hits.iter().filter(|h| h.above_ground >= low_m && h.above_ground <= high_m) {
+        let off = (hit.at - axis.at(hit.height)).norm();
+        if off < to_m {
+            let of = if off < from_m { &mut core } else { &mut beside };
+            let cell = &mut of[slice(hit.above_ground)];
+            cell.0 += 1;
+            cell.1 |= 1 << (hit.scan % 64);
+        }
+    }
+    let is_attached = |(core, beside): &(&(u32, u64), &(u32, u64))| {
+        beside.0 >= FEWEST_BESIDE
+            && f64::from(beside.0) > config.largest_clutter * f64::from(core.0)
+            && 4 * beside.1.count_ones() > core.1.count_ones()
+    };
+    core.iter().zip(&beside).filter(is_attached).count() as f64 / count as f64
+}
+
 /// Fits a pole to a stack; none where no axis describes its points.
 pub fn fit_pole<'a>(
     cloud: &Cloud,
@@ -200,14 +237,16 @@ pub fn fit_pole<'a>(
         .copied()
         .filter(|h| stack.is_free(h.above_ground, config))
         .filter(|h| h.above_ground >= stack.low_m && h.above_ground <= stack.high_m)
-        .filter(|h| (h.at - stack.centre.coords).norm() < config.ring_inner_m)
+        .filter(|h| (h.at - stack.centre.coords).norm() < stack.reach_m)
         .collect();
     if in_run.len() < config.fewest_points / 2 {
         return None;
     }
     let axis = refine(&in_run, ransac(&in_run, config), config);
+    let inlier_m = config.inlier_m.min(stack.reach_m);
     // Follow the axis up and down as far as points go on without a gap.
-    let mut on: Vec<Hit> = hits.iter().copied().filter(|h| axis.residual(h).norm() < config.inlier_m).collect();
+    let mut on: Vec<Hit> =
+        hits.iter().copied().filter(|h| axis.residual(h).norm() < inlier_m && h.above_ground <= stack.end_m).collect();
     on.sort_by(|a, b| a.height.total_cmp(&b.height));
     let middle = in_run.iter().map(|h| h.height).sum::<f64>() / in_run.len() as f64;
     let joined = |w: &[Hit]| w[1].height - w[0].height < config.longest_gap_m;
@@ -228,6 +267,8 @@ pub fn fit_pole<'a>(
     slices.sort_unstable();
     slices.dedup();
 
+    let mut bright: Vec<f32> = run.iter().map(|h| h.reflectance).collect();
+    bright.sort_by(|a, b| b.total_cmp(a));
     let point = |height: f64| {
         let at = axis.at(height);
         Point3::new(at.x, -height, at.y)
@@ -237,11 +278,10 @@ pub fn fit_pole<'a>(
         cloud.ground.height_m(&Point2::new(at.x, at.y)).map(|g| height - g)
     };
     let (lowest, highest) = (run.first()?.height, run.last()?.height);
-    let mut foot = lowest;
     let mut foot_height_m = above_ground(lowest)?;
+    // The foot is on the ground, not where the beams, the grass or a hedge end.
+    let foot = lowest - foot_height_m;
     if foot_height_m < config.foot_m {
-        // The foot is on the ground, not where the beams or the grass end.
-        foot -= foot_height_m;
         foot_height_m = 0.0;
     }
     let mid = axis.at(f64::midpoint(lowest, highest));
@@ -266,5 +306,13 @@ pub fn fit_pole<'a>(
         visibility: free.len() as f64 / expected.max(1.0),
         free_m: slices.len() as f64 * config.slice_m,
         top_is_open: highest > view.ceiling() - config.longest_gap_m,
+        attached_share: attached_share(
+            &hits,
+            &axis,
+            radius_m,
+            (run.first()?.above_ground, run.last()?.above_ground),
+            config,
+        ),
+        reflectance: bright.get(2).copied().unwrap_or(0.0),
     })
 }

@@ -33,11 +33,31 @@ pub struct Stack {
     pub high_m: f64,
     /// Free and occupied slices less hindered ones: the evidence, in slices.
     pub score: f64,
+    /// Its points lie within this of its centre, metres.
+    pub reach_m: f64,
+    /// Height above which nothing belongs to it, metres above ground.
+    pub end_m: f64,
     /// Slices that are occupied and free around.
     free: u64,
 }
 
 impl Stack {
+    /// The stack under a reflector whose upper edge is at a height above
+    /// ground, whatever stands behind it.
+    pub fn under_reflector(centre: Point2<f64>, upper_edge_m: f64, config: &PoleConfig) -> Self {
+        let high_m = upper_edge_m + config.reflector_below_top_m;
+        let count = ((high_m - config.lowest_m) / config.slice_m).ceil().clamp(1.0, SLICES as f64 - 1.0) as u32;
+        Self {
+            centre,
+            low_m: config.lowest_m,
+            high_m,
+            score: f64::from(count),
+            reach_m: config.reflector_reach_m,
+            end_m: high_m,
+            free: (1 << count) - 1,
+        }
+    }
+
     /// Whether the slice at a height above ground is part of the stack with
     /// nothing around it.
     pub fn is_free(&self, above_ground_m: f64, config: &PoleConfig) -> bool {
@@ -164,6 +184,8 @@ impl Stacks {
             low_m: height(low),
             high_m: height(high + 1),
             score: score + fuller,
+            reach_m: config.ring_inner_m,
+            end_m: f64::INFINITY,
             free: filled & !hindered,
         })
     }

@@ -41,6 +41,19 @@ pub struct LaneConfig {
     pub fewest_dashes: usize,
     /// Shortest dash, metres of painted bins: the shortest in use are 1.5 m.
     pub shortest_dash_m: f64,
+    /// Heights above ground between which walls, fences and hedges are seen,
+    /// metres: kerbs are lower.
+    pub wall_m: [f64; 2],
+    /// Distance from a line within which none of them stands, metres: guard
+    /// rails stand at least half a metre off the carriageway.
+    pub wall_within_m: f64,
+    /// Fewest scans that saw it there: vehicles pass along lines, too.
+    pub fewest_wall_scans: u32,
+    /// Largest share of a line that may have one beside it all the same.
+    pub largest_walled_share: f64,
+    /// Mean contrast from which on a line is paint whatever stands beside it,
+    /// standard deviations: cars park along lines.
+    pub least_walled_contrast: f64,
     /// Largest root mean square lateral distance of paint from its line, metres.
     pub largest_spread_m: f64,
     /// Longest gap joined within one line, metres: the longest dash gap in
@@ -77,6 +90,11 @@ impl Default for LaneConfig {
             shortest_m: 10.0,
             fewest_dashes: 3,
             shortest_dash_m: 1.5,
+            wall_m: [0.25, 1.5],
+            wall_within_m: 0.45,
+            fewest_wall_scans: 6,
+            largest_walled_share: 0.3,
+            least_walled_contrast: 5.7,
             largest_spread_m: 0.1,
             longest_gap_m: 13.0,
             solid_share: 0.7,

@@ -23,6 +23,8 @@ pub struct LanePiece {
 struct Bin {
     station_m: f64,
     offset_m: Option<f64>,
+    /// Mean contrast of its paint, standard deviations.
+    contrast: f64,
     seen: bool,
 }
 
@@ -38,11 +40,11 @@ pub fn describe(chain: &Chain, paint: &Paint, cloud: &Cloud, config: &LaneConfig
         .map(|i| {
             let start = from + i as f64 * config.bin_m;
             let on = |points: &[PathPoint]| {
-                let mut sum = (0.0, 0.0);
+                let mut sum = (0.0, 0.0, 0.0);
                 for p in between(points, start, start + config.bin_m) {
                     let off = p.offset_m - chain.offset_m(p.station_m);
                     if off.abs() <= config.half_line_m {
-                        sum = (sum.0 + 1.0, sum.1 + off);
+                        sum = (sum.0 + 1.0, sum.1 + off, sum.2 + f64::from(p.contrast));
                     }
                 }
                 sum
@@ -53,6 +55,7 @@ pub fn describe(chain: &Chain, paint: &Paint, cloud: &Cloud, config: &LaneConfig
                 station_m,
                 // One point may be a stray; two in half a metre are paint.
                 offset_m: (bright.0 >= 2.0).then(|| chain.offset_m(station_m) + bright.1 / bright.0),
+                contrast: bright.2 / f64::max(bright.0, 1.0),
                 seen: road.0 >= 3.0,
             }
         })
@@ -76,6 +79,10 @@ fn piece(bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> Option<LanePiece> 
     if share < config.least_painted {
         return None;
     }
+    let contrast = mean_contrast(bins);
+    if contrast < config.least_walled_contrast && walled_share(bins, cloud, config) > config.largest_walled_share {
+        return None;
+    }
     let solid = share >= config.solid_share;
     // A bin between two painted ones may have been missed by the beams: a gap
     // is at least a metre, and a dash is longer than a blot.
@@ -96,7 +103,7 @@ fn piece(bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> Option<LanePiece> 
             if let Some(own) = b.offset_m {
                 residuals = (residuals.0 + 1.0, residuals.1 + (own - offset_m).powi(2));
             }
-            Some(PathPoint { station_m: b.station_m, offset_m })
+            Some(PathPoint { station_m: b.station_m, offset_m, contrast: 0.0 })
         })
         .collect();
     let spread_m = (residuals.1 / f64::max(residuals.0, 1.0)).sqrt();
@@ -117,6 +124,32 @@ fn piece(bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> Option<LanePiece> 
         stations_m: kept.iter().map(|i| points[*i].0).collect(),
         spread_m,
     })
+}
+
+/// Mean contrast of the painted bins.
+fn mean_contrast(bins: &[Bin]) -> f64 {
+    let of: Vec<f64> = bins.iter().filter(|b| b.offset_m.is_some()).map(|b| b.contrast).collect();
+    of.iter().sum::<f64>() / of.len().max(1) as f64
+}
+
+/// Share of the painted bins with something standing right beside the line: a
+/// strip of grass before a wall or a fence is as bright between two darker
+/// things as paint is.
+fn walled_share(bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> f64 {
+    let painted: Vec<(f64, f64)> = bins.iter().filter_map(|b| Some((b.station_m, b.offset_m?))).collect();
+    let is_walled = |(station_m, offset_m): &&(f64, f64)| {
+        let at = cloud.path.beside(*station_m, *offset_m);
+        let stands = |p: &&crate::cloud::CloudPoint| {
+            let height_m = f64::from(p.height_m);
+            height_m > config.wall_m[0]
+                && height_m < config.wall_m[1]
+                && (p.position.x - at.x).hypot(p.position.z - at.z) < config.wall_within_m
+        };
+        let scans =
+            cloud.near(&Point2::new(at.x, at.z)).filter(stands).fold(0_u64, |scans, p| scans | 1 << (p.scan % 64));
+        scans.count_ones() >= config.fewest_wall_scans
+    };
+    painted.iter().filter(is_walled).count() as f64 / painted.len().max(1) as f64
 }
 
 /// Places beside the path put on the ground, its height smoothed along the

@@ -14,6 +14,8 @@ pub struct PathPoint {
     pub station_m: f64,
     /// Offset to the right of the path, metres.
     pub offset_m: f64,
+    /// How much brighter than its beam on both sides, standard deviations.
+    pub contrast: f32,
 }
 
 /// The road's points beside the path, each list sorted by station.
@@ -31,15 +33,18 @@ impl Paint {
         let on_road = |p: &&crate::cloud::CloudPoint| {
             f64::from(p.height_m.abs()) < config.thickness_m && p.range_m < range && p.contrast.is_some()
         };
-        let placed: Vec<(PathPoint, bool)> = cloud
+        let placed: Vec<PathPoint> = cloud
             .points
             .par_iter()
             .filter(on_road)
             .filter_map(|p| {
                 let place = cloud.place(&p.position);
-                let bright = p.contrast.is_some_and(|c| c >= config.least_contrast);
-                (place.offset_m.abs() < config.half_width_m)
-                    .then_some((PathPoint { station_m: place.station_m, offset_m: place.offset_m }, bright))
+                let contrast = p.contrast.unwrap_or(0.0);
+                (place.offset_m.abs() < config.half_width_m).then_some(PathPoint {
+                    station_m: place.station_m,
+                    offset_m: place.offset_m,
+                    contrast,
+                })
             })
             .collect();
         let sorted = |mut v: Vec<PathPoint>| {
@@ -47,8 +52,8 @@ impl Paint {
             v
         };
         Self {
-            bright: sorted(placed.iter().filter(|(_, b)| *b).map(|(p, _)| *p).collect()),
-            road: sorted(placed.into_iter().map(|(p, _)| p).collect()),
+            bright: sorted(placed.iter().filter(|p| p.contrast >= config.least_contrast).copied().collect()),
+            road: sorted(placed),
         }
     }
 }
@@ -235,6 +240,22 @@ mod tests {
             assert!(piece.points_map.iter().all(|p| (p.x - x).abs() < 0.03 && (p.y - CAMERA_HEIGHT_M).abs() < 0.03));
             let length = piece.stations_m[piece.stations_m.len() - 1] - piece.stations_m[0];
             assert!(length > 50.0, "{length}");
+        }
+    }
+
+    #[test]
+    fn a_bright_strip_before_a_wall_is_no_line_and_paint_before_it_is() {
+        for (contrast, lines) in [(4.5, 0), (8.0, 1)] {
+            let mut street = Street::new();
+            for i in 0..1500 {
+                let (z, wobble) = (f64::from(i) * 0.04, 0.04 * (f64::from(i) * 1.7).sin());
+                let at = Point3::new(5.0 + wobble, CAMERA_HEIGHT_M, z);
+                street.add(at, (i % 10) as u16, 0.4, Some(contrast));
+            }
+            street.add_wall(5.3, 0.0..60.0, 1.5);
+            let cloud = street.cloud();
+            let found = crate::build::find_lanes(&cloud, &crate::Config::default());
+            assert_eq!(found.len(), lines, "{contrast}");
         }
     }
 }

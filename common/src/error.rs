@@ -134,8 +134,8 @@ pub enum Error {
         /// The time that stands there, seconds.
         time_s: f64,
     },
-    /// A scan that ends inside a point.
-    #[error("{} has {bytes} bytes, which is no multiple of 16 (x, y, z, reflectance as 32-bit floats): it is truncated or no scan; copy it again", path.display())]
+    /// A scan that ends inside a point, or before the first.
+    #[error("{} has {bytes} bytes, which are not one or more points of 16 (x, y, z, reflectance as 32-bit floats): it is truncated or no scan; copy it again", path.display())]
     TruncatedScan {
         /// The scan.
         path: PathBuf,

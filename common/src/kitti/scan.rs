@@ -37,13 +37,13 @@ pub struct Scan {
 /// finite are dropped and counted.
 ///
 /// # Errors
-/// [`Error::TruncatedScan`] where the length is no multiple of 16 bytes,
+/// [`Error::TruncatedScan`] where the length is no multiple of 16 bytes or 0,
 /// [`Error::Io`] where the file cannot be read.
 pub fn read_scan(path: impl AsRef<Path>, max_range_m: f32) -> Result<Scan> {
     let path = path.as_ref();
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     let (points, rest) = bytes.as_chunks::<POINT_BYTES>();
-    if !rest.is_empty() {
+    if !rest.is_empty() || points.is_empty() {
         return Err(Error::TruncatedScan { path: path.to_path_buf(), bytes: bytes.len() });
     }
     let mut scan = Scan { points: Vec::with_capacity(points.len()), ..Scan::default() };

@@ -82,6 +82,12 @@ pub enum Error {
         /// The frame.
         frame: usize,
     },
+    /// A class that has maps, but none for a frame.
+    #[error("{} is missing beside the maps of other frames; add it, or remove the folder of a class that has none", path.display())]
+    MissingLabel {
+        /// The map.
+        path: PathBuf,
+    },
     /// A network that cannot be loaded.
     #[error("{} cannot be loaded as an ONNX network: {message}; give an intact .onnx file", path.display())]
     LoadNetwork {

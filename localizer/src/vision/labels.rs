@@ -1,7 +1,7 @@
 //! Probability maps as files: `FOLDER/{pole,sign,light,lane}/{frame:06}.png`,
 //! 8-bit grey, `value / 255` the probability, each of the image's size.
 //!
-//! A class without a file for the frame has probability zero everywhere.
+//! A class without a folder has probability zero everywhere.
 
 use std::path::{Path, PathBuf};
 
@@ -18,14 +18,18 @@ pub fn path(folder: &Path, class: Class, frame: usize) -> PathBuf {
 ///
 /// # Errors
 /// [`Error::NoLabels`] where no class has a map of this frame,
+/// [`Error::MissingLabel`] where a class that has a folder has none,
 /// [`Error::ImageSize`] where one has another size than the others or than
 /// the image, and what [`read_grey_png`] says.
 pub fn read(folder: &Path, frame: usize, expected: Option<(usize, usize)>) -> Result<ProbabilityMaps, Error> {
     let mut maps: Option<ProbabilityMaps> = None;
-    for class in Class::ALL {
+    if !Class::ALL.iter().any(|class| path(folder, *class, frame).exists()) {
+        return Err(Error::NoLabels { folder: folder.into(), frame });
+    }
+    for class in Class::ALL.into_iter().filter(|class| folder.join(class.name()).exists()) {
         let path = path(folder, class, frame);
         if !path.exists() {
-            continue;
+            return Err(Error::MissingLabel { path });
         }
         let plane = read_grey_png(&path)?;
         let size = (plane.width(), plane.height());
@@ -71,6 +75,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         write(folder.path(), 7, &ProbabilityMaps::zeros(3, 2)).unwrap();
         assert!(matches!(read(folder.path(), 8, None), Err(Error::NoLabels { frame: 8, .. })));
+        let lane = path(folder.path(), Class::Lane, 7);
+        std::fs::rename(&lane, folder.path().join("kept.png")).unwrap();
+        let error = read(folder.path(), 7, None).unwrap_err().to_string();
+        assert!(error.contains("lane") && error.contains("000007.png is missing"), "{error}");
+        std::fs::rename(folder.path().join("kept.png"), &lane).unwrap();
         write_grey_png(path(folder.path(), Class::Light, 7), &Plane::zeros(2, 2)).unwrap();
         let error = read(folder.path(), 7, None).unwrap_err().to_string();
         assert!(error.contains("000007.png has 2x2 px where 3x2"), "{error}");

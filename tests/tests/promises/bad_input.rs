@@ -34,6 +34,8 @@ fn a_truncated_scan() {
     let bytes = std::fs::read(&scan).unwrap();
     std::fs::write(&scan, &bytes[..bytes.len() - 5]).unwrap();
     build_of(root.path(), &[]).refused(&["000001.bin has 57595 bytes", "copy it again"]);
+    std::fs::write(&scan, []).unwrap();
+    build_of(root.path(), &[]).refused(&["000001.bin has 0 bytes", "copy it again"]);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The map of a generated drive holds what stands there.
 //!
 //! The floors are those that the mapper passes today on a street as hard as a
-//! real one (poles of KITTI 04: recall 0.71, precision 0.75); raise them with
+//! real one (poles of KITTI 04: recall 0.71, precision 0.86); raise them with
 //! the mapper.
 
 use common::kitti::read_poses;
@@ -18,6 +18,7 @@ const BESIDE_PATH_M: f64 = 12.0;
 struct Case {
     map: SemanticMap,
     truth: Truth,
+    path: Vec<Point2<f64>>,
     score: MapScore,
 }
 
@@ -31,7 +32,8 @@ impl Case {
         let exact = read_poses(DEMO.file("drive/truth/poses.txt")).unwrap();
         let map = common::map::read(DEMO.file("street.csm")).unwrap();
         let score = score(&map, &truth, &exact, BESIDE_PATH_M);
-        Self { map, truth, score }
+        let path = exact.iter().map(|pose| above(&pose.translation.vector.into())).collect();
+        Self { map, truth, path, score }
     }
 }
 
@@ -39,7 +41,7 @@ impl Case {
 fn poles_are_found_where_they_stand() {
     let score = Case::demo().score;
     println!("poles: {:?}; missed {:?}; wrong {:?}", score.poles, score.missed, score.wrong);
-    assert!(score.poles.wanted >= 10.0 && score.poles.recall() >= 0.5 && score.poles.precision() >= 0.8);
+    assert!(score.poles.wanted >= 10.0 && score.poles.recall() >= 0.8 && score.poles.precision() >= 0.8);
     assert!(score.poles.off_m < 0.06 && score.foot_height_m < 0.15 && score.tilt_rad.to_degrees() < 1.5);
 }
 
@@ -48,12 +50,15 @@ fn signs_are_found_with_their_size() {
     let case = Case::demo();
     let found = case.score.signs;
     println!("signs: {found:?}");
-    assert!(found.recall() >= 0.5 && found.precision() >= 0.75 && found.off_m < 0.25);
+    assert!(found.recall() >= 0.5 && found.precision() >= 0.75 && found.off_m < 0.15);
     let near = |at: &Point3<f64>| case.truth.signs.iter().find(|s| (Point3::from(s.centroid_map_m) - at).norm() < 0.3);
     for sign in case.map.signs.iter().filter(|sign| sign.kind == SignKind::TrafficSign) {
         if let Some(hung) = near(&sign.centroid_map) {
-            // Two plates on one post are one to the mapper.
-            assert!((sign.size_m - hung.size_m).abs() < 0.6, "{sign:?} {hung:?}");
+            // Beyond the end of the drive two plates of one post are one to the
+            // mapper: the gap between them is narrower than that of the beams.
+            let beside = case.path.iter().any(|at| (at - above(&sign.centroid_map)).norm() < BESIDE_PATH_M);
+            let limit_m = if beside { 0.3 } else { 0.6 };
+            assert!((sign.size_m - hung.size_m).abs() < limit_m, "{sign:?} {hung:?}");
         }
     }
 }
@@ -62,7 +67,7 @@ fn signs_are_found_with_their_size() {
 fn lane_lines_lie_on_paint_and_paint_is_in_the_map() {
     let found = Case::demo().score.lanes;
     println!("lanes: {found:?}");
-    assert!(found.wanted > 200.0 && found.recall() >= 0.85 && found.precision() >= 0.85);
+    assert!(found.wanted > 200.0 && found.recall() >= 0.9 && found.precision() >= 0.9);
     assert!(found.off_m < 0.05);
 }
 
@@ -89,5 +94,5 @@ fn solid_lines_are_told_from_dashed_ones() {
         }
     }
     println!("of the wrong kind {:.0} m, of the right kind {:.0} m", told[0], told[1]);
-    assert!(told[1] > 100.0 && told[1] > 2.0 * told[0]);
+    assert!(told[1] > 100.0 && told[1] > 4.0 * told[0]);
 }

@@ -50,6 +50,26 @@ pub enum Error {
         /// What is wrong in it.
         source: serde_json::Error,
     },
+    /// A file to export to whose extension says no format.
+    #[error(
+        "{}: the extension says no format; name it .geojson, .osm (Lanelet2), .csv or .txt, or give --format",
+        path.display()
+    )]
+    UnknownExport {
+        /// The file to be written.
+        path: PathBuf,
+    },
+    /// A place on the Earth that is none.
+    #[error("--origin {text}: {what}; give LAT,LON,ALT[,HEADING[,PITCH,ROLL]] in degrees and metres")]
+    BadOrigin {
+        /// What was given.
+        text: String,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// A place on the Earth for a format that has none.
+    #[error("the paper's text holds local metres only: leave --origin away, or export as CSV or GeoJSON")]
+    OriginUnused,
     /// A result that has no JSON form.
     #[error("the result cannot be printed as JSON: {0}")]
     Json(serde_json::Error),

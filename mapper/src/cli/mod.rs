@@ -1,6 +1,7 @@
 //! The command line.
 
 mod build;
+mod export;
 mod usage;
 mod views;
 
@@ -38,6 +39,8 @@ enum Command {
     Ascii(MapFile),
     /// Draw a map from above.
     Draw(Draw),
+    /// Write a map as GeoJSON, Lanelet2 OSM, CSV, or the paper's text.
+    Export(export::Export),
 }
 
 #[derive(Debug, Args)]
@@ -105,6 +108,7 @@ where
         Command::Size(arguments) => views::size(&arguments.file.map, arguments.budget),
         Command::Ascii(arguments) => views::ascii(&arguments.map),
         Command::Draw(arguments) => views::draw(&arguments.file.map, &arguments.out),
+        Command::Export(arguments) => arguments.run(),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

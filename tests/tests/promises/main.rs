@@ -10,6 +10,7 @@ mod camera_from_map;
 mod cloud_with_classes;
 mod demo;
 mod determinism;
+mod exports;
 mod map_from_scans;
 mod measured_streets;
 mod real_kitti;

@@ -1,0 +1,45 @@
+//! `mapper export`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use common::atomic_file;
+
+use super::{MapFile, Outcome, print};
+use crate::error::Result;
+use crate::export::{Format, Frame};
+
+/// Write a map in a format of other programs.
+#[derive(Debug, Args)]
+pub struct Export {
+    #[command(flatten)]
+    file: MapFile,
+    /// The file to write: .geojson, .osm (Lanelet2), .csv, or .txt (the paper's text).
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// The format [default: as the extension of FILE says].
+    #[arg(long, value_enum)]
+    format: Option<Format>,
+    /// Where the map's origin is on the Earth (WGS 84), degrees and metres;
+    /// heading: bearing of the map's z axis clockwise from north [default: 0],
+    /// pitch: how far it points up, roll: tilt to the right. Without it
+    /// coordinates are local metres: x right, y forward, z up.
+    #[arg(long, value_name = "LAT,LON,ALT[,HEADING[,PITCH,ROLL]]", allow_hyphen_values = true)]
+    origin: Option<String>,
+}
+
+impl Export {
+    /// Runs the command.
+    pub fn run(&self) -> Result<Outcome> {
+        let format = self.format.map_or_else(|| Format::of(&self.out), Ok)?;
+        let frame = match &self.origin {
+            Some(text) => Frame::wgs84(text.parse()?),
+            None => Frame::local(),
+        };
+        let map = common::map::read(&self.file.map)?;
+        let text = format.text(&map, &frame)?;
+        atomic_file::write(&self.out, text.as_bytes())?;
+        print(&format!("{}: {} bytes, {}\n", self.out.display(), text.len(), frame.note()));
+        Ok(Outcome::Done)
+    }
+}

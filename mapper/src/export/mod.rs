@@ -1,0 +1,99 @@
+//! Maps and stitched clouds in the formats of other programs.
+//!
+//! A landmark has the same number in all of them: its place in the map as it
+//! is read from its file, poles first, then signs, then lane lines, from 1.
+
+mod cloud;
+mod csv;
+mod frame;
+mod geojson;
+mod lanelet2;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+use common::map::SemanticMap;
+
+pub use self::cloud::{CloudCount, CloudFile};
+pub use self::frame::{Frame, Origin};
+use crate::error::{Error, Result};
+
+/// A format that a map can be written in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Format {
+    /// `GeoJSON` (RFC 7946): local metres, or WGS 84 with an origin.
+    Geojson,
+    /// `OpenStreetMap` XML with the tags of Lanelet2.
+    Lanelet2,
+    /// One row per point of a landmark.
+    Csv,
+    /// The paper's text, one landmark per line, in the map frame.
+    Ascii,
+}
+
+impl Format {
+    /// The format that a file's extension asks for.
+    ///
+    /// # Errors
+    /// [`Error::UnknownExport`] where it asks for none.
+    pub fn of(path: &Path) -> Result<Self> {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        match extension.as_str() {
+            "geojson" | "json" => Ok(Self::Geojson),
+            "osm" => Ok(Self::Lanelet2),
+            "csv" => Ok(Self::Csv),
+            "txt" => Ok(Self::Ascii),
+            _ => Err(Error::UnknownExport { path: path.to_path_buf() }),
+        }
+    }
+
+    /// The map in this format.
+    ///
+    /// # Errors
+    /// [`Error::OriginUnused`] where a place on the Earth was given and the
+    /// format has none.
+    pub fn text(self, map: &SemanticMap, frame: &Frame) -> Result<String> {
+        match self {
+            Self::Geojson => Ok(geojson::text(map, frame)),
+            Self::Lanelet2 => Ok(lanelet2::text(map, frame)),
+            Self::Csv => Ok(csv::text(map, frame)),
+            Self::Ascii if frame.origin().is_none() => Ok(common::map::ascii(map)),
+            Self::Ascii => Err(Error::OriginUnused),
+        }
+    }
+}
+
+/// The numbers of the landmarks of a map: poles from 1, then signs, then lane
+/// lines.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Numbering {
+    signs_from: usize,
+    lanes_from: usize,
+    /// The first number that no landmark has.
+    pub end: usize,
+}
+
+impl Numbering {
+    /// The numbers in a map as it is read from its file.
+    pub fn of(map: &SemanticMap) -> Self {
+        let signs_from = 1 + map.poles.len();
+        let lanes_from = signs_from + map.signs.len();
+        Self { signs_from, lanes_from, end: lanes_from + map.lanes.len() }
+    }
+
+    /// The number of a pole, by its place in the map.
+    pub fn pole(self, index: usize) -> usize {
+        1 + index
+    }
+
+    /// The number of a sign, by its place in the map.
+    pub fn sign(self, index: usize) -> usize {
+        self.signs_from + index
+    }
+
+    /// The number of a lane line, by its place in the map.
+    pub fn lane(self, index: usize) -> usize {
+        self.lanes_from + index
+    }
+}

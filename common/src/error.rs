@@ -134,6 +134,46 @@ pub enum Error {
         /// The time that stands there, seconds.
         time_s: f64,
     },
+    /// A pose file without a pose.
+    #[error("{} holds no pose; give TUM lines (t x y z qx qy qz qw) or KITTI rows (3x4, 12 numbers)", path.display())]
+    NoPoses {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A folder that is no drive of KITTI's raw recordings.
+    #[error("{} holds no folder `{missing}`; give a folder such as 2011_09_30/2011_09_30_drive_0016_sync of KITTI's raw data", folder.display())]
+    NotKittiRaw {
+        /// The folder.
+        folder: PathBuf,
+        /// What it should hold.
+        missing: &'static str,
+    },
+    /// A calibration file of a raw recording without one of its lines.
+    #[error("{} has no line `{key}:`; take the file from the calibration archive of that day of KITTI's raw data", path.display())]
+    MissingRawCalibration {
+        /// `R`, `T` or `R_rect_00`.
+        key: String,
+        /// The calibration file.
+        path: PathBuf,
+    },
+    /// A stamp that is no date and time.
+    #[error("{}:{line}: `{text}` is no stamp such as 2011-09-30 12:40:25.104662000; correct or replace the file", path.display())]
+    BadStamp {
+        /// The file.
+        path: PathBuf,
+        /// The line, counted from 1.
+        line: usize,
+        /// What stands there.
+        text: String,
+    },
+    /// An OXTS packet that is none.
+    #[error("{}: {what}; take the file from KITTI's raw data again", path.display())]
+    BadPacket {
+        /// The packet.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
     /// A scan that ends inside a point, or before the first.
     #[error("{} has {bytes} bytes, which are not one or more points of 16 (x, y, z, reflectance as 32-bit floats): it is truncated or no scan; copy it again", path.display())]
     TruncatedScan {

@@ -53,14 +53,16 @@ pub(crate) fn numbers<const N: usize>(path: &Path, line: usize, row: &str) -> Re
 pub(crate) fn pose(path: &Path, line: usize, row: &str) -> Result<Pose> {
     let values: [f64; 12] = numbers(path, line, row)?;
     let matrix = Matrix3x4::from_row_slice(&values);
-    let printed: Matrix3<f64> = matrix.fixed_columns::<3>(0).into_owned();
-    let nearest = nearest_rotation(&printed);
+    let rotation = rotation(path, line, &matrix.fixed_columns::<3>(0).into_owned())?;
+    Ok(Pose::from_parts(Translation3::from(Vector3::new(values[3], values[7], values[11])), rotation))
+}
+
+/// The rotation nearest to a printed one.
+pub(crate) fn rotation(path: &Path, line: usize, printed: &Matrix3<f64>) -> Result<UnitQuaternion<f64>> {
+    let nearest = nearest_rotation(printed);
     let deviation = nearest.map_or(f64::INFINITY, |r| (r.matrix() - printed).amax());
     match nearest {
-        Some(rotation) if deviation <= ROTATION_LIMIT => Ok(Pose::from_parts(
-            Translation3::from(Vector3::new(values[3], values[7], values[11])),
-            UnitQuaternion::from_rotation_matrix(&rotation),
-        )),
+        Some(rotation) if deviation <= ROTATION_LIMIT => Ok(UnitQuaternion::from_rotation_matrix(&rotation)),
         _ => Err(Error::NotARotation { path: path.to_path_buf(), line, deviation, limit: ROTATION_LIMIT }),
     }
 }

@@ -106,22 +106,13 @@ impl Trajectory {
     pub fn read_tum(path: impl AsRef<Path>, times_s: &[f64]) -> Result<Self> {
         let path = path.as_ref();
         let mut stamps: Vec<StampedPose> = Vec::new();
-        for (line, row) in text::rows(&text::read(path)?) {
-            let [time_s, x, y, z, i, j, k, w] = text::numbers(path, line, row)?;
+        for StampedRow { line, time_s, pose } in read_tum_rows(path)? {
             let frame =
                 frame_at(times_s, time_s).ok_or_else(|| Error::NoFrameAt { path: path.to_path_buf(), line, time_s })?;
             if stamps.last().is_some_and(|before| before.frame >= frame) {
                 return Err(Error::TimeOrder { path: path.to_path_buf(), line, time_s });
             }
-            let quaternion = Quaternion::new(w, i, j, k);
-            let deviation = (quaternion.norm() - 1.0).abs();
-            if deviation > text::ROTATION_LIMIT {
-                let limit = text::ROTATION_LIMIT;
-                return Err(Error::NotARotation { path: path.to_path_buf(), line, deviation, limit });
-            }
-            let map_from_camera =
-                Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(quaternion));
-            stamps.push(StampedPose { frame, time_s: times_s[frame], map_from_camera });
+            stamps.push(StampedPose { frame, time_s: times_s[frame], map_from_camera: pose });
         }
         Ok(Self { stamps })
     }
@@ -144,6 +135,57 @@ impl Trajectory {
         }
         atomic_file::write(path, content.as_bytes())
     }
+}
+
+/// A line of a TUM file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StampedRow {
+    /// The line, counted from 1.
+    pub line: usize,
+    /// Its time, seconds.
+    pub time_s: f64,
+    /// Its pose, in the frames of whoever wrote it.
+    pub pose: Pose,
+}
+
+/// Reads TUM lines as they are, whatever their frames are.
+///
+/// # Errors
+/// [`Error::TimeOrder`] where the times do not ascend, [`Error::BadNumber`] or
+/// [`Error::BadRow`] at their line, [`Error::NotARotation`] where a quaternion
+/// is not of unit length, [`Error::Io`] where the file cannot be read.
+pub fn read_tum_rows(path: impl AsRef<Path>) -> Result<Vec<StampedRow>> {
+    let path = path.as_ref();
+    let mut rows: Vec<StampedRow> = Vec::new();
+    for (line, row) in text::rows(&text::read(path)?) {
+        let [time_s, x, y, z, i, j, k, w] = text::numbers(path, line, row)?;
+        if rows.last().is_some_and(|before| before.time_s >= time_s) {
+            return Err(Error::TimeOrder { path: path.to_path_buf(), line, time_s });
+        }
+        let quaternion = Quaternion::new(w, i, j, k);
+        let deviation = (quaternion.norm() - 1.0).abs();
+        if deviation > text::ROTATION_LIMIT {
+            let limit = text::ROTATION_LIMIT;
+            return Err(Error::NotARotation { path: path.to_path_buf(), line, deviation, limit });
+        }
+        let pose = Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(quaternion));
+        rows.push(StampedRow { line, time_s, pose });
+    }
+    Ok(rows)
+}
+
+/// Whether a file of poses is one of TUM lines (8 numbers) and not of KITTI
+/// rows (12 numbers): what its first row says.
+///
+/// # Errors
+/// [`Error::NoPoses`] where it holds no row, [`Error::Io`] or
+/// [`Error::NotText`] where it cannot be read.
+pub fn is_tum(path: impl AsRef<Path>) -> Result<bool> {
+    let path = path.as_ref();
+    let content = text::read(path)?;
+    let first = text::rows(&content).next();
+    let (_, row) = first.ok_or_else(|| Error::NoPoses { path: path.to_path_buf() })?;
+    Ok(row.split_whitespace().count() == 8)
 }
 
 /// The frame whose time is nearest, if it is within the tolerance.

@@ -192,11 +192,17 @@ fn folders(folder: &Path) -> Result<Vec<String>> {
 
 /// The indices of the files `NNNNNN.extension` in `folder`, sorted.
 fn frames(folder: &Path, extension: &str) -> Result<Vec<usize>> {
+    numbered(folder, extension, 6)
+}
+
+/// The indices of the files in `folder` that are named by so many digits,
+/// sorted.
+pub(super) fn numbered(folder: &Path, extension: &str, digits: usize) -> Result<Vec<usize>> {
     let mut frames = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {
         let path = entry.map_err(Error::io(folder))?.path();
         let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
-        let is_frame = stem.len() == 6 && path.extension().is_some_and(|e| e == extension);
+        let is_frame = stem.len() == digits && path.extension().is_some_and(|e| e == extension);
         if let (true, Ok(frame)) = (is_frame, stem.parse()) {
             frames.push(frame);
         }

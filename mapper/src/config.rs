@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cloud::CloudConfig;
 use crate::ground::GroundConfig;
+use crate::input::InputConfig;
 use crate::lanes::LaneConfig;
 use crate::lidar::LidarConfig;
 use crate::poles::PoleConfig;
@@ -18,6 +19,8 @@ use crate::signs::SignConfig;
 pub struct Config {
     /// Quantum of the coordinates in the map file, metres.
     pub quantum_m: f64,
+    /// Scans and clouds that are not KITTI's.
+    pub input: InputConfig,
     /// The lidar's beams.
     pub lidar: LidarConfig,
     /// What is stitched.
@@ -40,6 +43,7 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             quantum_m: EncodeOptions::default().quantum_m,
+            input: InputConfig::default(),
             lidar: LidarConfig::default(),
             cloud: CloudConfig::default(),
             refine: RefineConfig::default(),

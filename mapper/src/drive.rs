@@ -7,12 +7,13 @@ use common::kitti::Sequence;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::input::Source;
 use crate::scan::LidarScan;
 
-/// A KITTI sequence and the frames of it that are stitched.
+/// A drive and the frames of it that are stitched.
 #[derive(Debug, Clone)]
 pub struct Drive {
-    sequence: Sequence,
+    source: Source,
     /// Frames that are stitched, ascending.
     pub frames: Vec<usize>,
     /// `map_from_camera` of every frame of the drive as the survey has it.
@@ -23,6 +24,38 @@ pub struct Drive {
     pub camera_from_velodyne: Pose,
     /// Farthest point kept, metres.
     pub max_range_m: f32,
+    /// What the reader of the input wants people to know.
+    pub notes: Vec<String>,
+}
+
+/// Which scans of a drive are stitched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Choice {
+    /// Every so manieth frame.
+    pub every: usize,
+    /// First frame.
+    pub first: usize,
+    /// Last frame.
+    pub last: usize,
+}
+
+impl Choice {
+    /// Those of the frames that are chosen.
+    pub fn of(&self, frames: impl IntoIterator<Item = usize>) -> Vec<usize> {
+        let chosen = |f: &usize| f.is_multiple_of(self.every.max(1)) && (self.first..=self.last).contains(f);
+        frames.into_iter().filter(chosen).collect()
+    }
+}
+
+/// The survey of a drive.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Survey {
+    /// `map_from_camera` of every frame.
+    pub map_from_camera: Vec<Pose>,
+    /// Time of every frame, seconds.
+    pub times_s: Vec<f64>,
+    /// `camera_from_velodyne`.
+    pub camera_from_velodyne: Pose,
 }
 
 impl Drive {
@@ -40,28 +73,49 @@ impl Drive {
         max_range_m: f32,
     ) -> Result<Self> {
         let sequence = Sequence::open(root, sequence)?;
-        let survey = match poses {
+        let map_from_camera = match poses {
             Some(path) => sequence.poses_from(path)?,
             None => sequence.poses()?,
         };
-        let frames: Vec<usize> = sequence
-            .scan_frames()?
-            .into_iter()
-            .filter(|f| f.is_multiple_of(every.max(1)) && (span.0..=span.1).contains(f))
-            .collect();
-        if let Some(&frame) = frames.iter().find(|f| **f >= survey.len()) {
-            return Err(Error::FrameWithoutPose { path: sequence.scan_path(frame), poses: survey.len() });
-        }
-        if frames.is_empty() {
-            return Err(Error::NoScans { folder: sequence.folder().join("velodyne"), every });
-        }
-        Ok(Self {
-            frames,
-            survey,
+        let survey = Survey {
+            map_from_camera,
             times_s: sequence.times_s()?,
             camera_from_velodyne: sequence.calibration()?.camera_from_velodyne,
+        };
+        let scans = sequence.scan_frames()?;
+        let choice = Choice { every, first: span.0, last: span.1 };
+        Self::new(Source::Odometry(sequence), &scans, survey, choice, max_range_m)
+    }
+
+    /// The drive of a source that has scans of the frames `scans`.
+    ///
+    /// # Errors
+    /// [`Error::NoScans`] where none of them is chosen,
+    /// [`Error::FrameWithoutPose`] where the survey does not reach one.
+    pub(crate) fn new(
+        source: Source,
+        scans: &[usize],
+        survey: Survey,
+        choice: Choice,
+        max_range_m: f32,
+    ) -> Result<Self> {
+        let frames = choice.of(scans.iter().copied());
+        let poses = survey.map_from_camera.len();
+        if let Some(&frame) = frames.iter().find(|f| **f >= poses) {
+            return Err(Error::FrameWithoutPose { path: source.scan_path(frame), poses });
+        }
+        if frames.is_empty() {
+            return Err(Error::NoScans { folder: source.folder(), every: choice.every });
+        }
+        let Survey { map_from_camera, times_s, camera_from_velodyne } = survey;
+        Ok(Self {
+            source,
+            frames,
+            survey: map_from_camera,
+            times_s,
+            camera_from_velodyne,
             max_range_m,
-            sequence,
+            notes: Vec::new(),
         })
     }
 
@@ -73,12 +127,18 @@ impl Drive {
 
     /// Name of the drive, for people.
     pub fn name(&self) -> String {
-        format!("kitti {}", self.sequence.name())
+        self.source.name()
+    }
+
+    /// Whether a scan is what the lidar saw from one place: what is compared
+    /// between scans (their registration, what moved) means nothing otherwise.
+    pub fn has_single_scans(&self) -> bool {
+        !matches!(self.source, Source::Stitched(_))
     }
 
     /// The file of a scan.
     pub fn scan_path(&self, frame: usize) -> PathBuf {
-        self.sequence.scan_path(frame)
+        self.source.scan_path(frame)
     }
 
     /// Reads one scan.
@@ -86,8 +146,8 @@ impl Drive {
     /// # Errors
     /// As [`LidarScan::read`].
     pub fn read(&self, frame: usize, vertical_angle_rad: f64) -> Result<LidarScan> {
-        let path = self.sequence.scan_path(frame);
-        Ok(LidarScan::read(&path, self.max_range_m, vertical_angle_rad)?)
+        let scan = self.source.read(frame, self.max_range_m)?;
+        Ok(LidarScan::prepare(&scan, vertical_angle_rad))
     }
 
     /// Reads scans in parallel, a batch at a time, and hands `map`'s results

@@ -34,6 +34,90 @@ pub enum Error {
         /// Rows in the pose file.
         poses: usize,
     },
+    /// No drive was given.
+    #[error("no drive is given: use --kitti with --sequence, --raw, --scans or --stitched")]
+    NoSource,
+    /// A scan or a cloud that is not what it should be.
+    #[error("{}: {what}", path.display())]
+    BadScan {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, where, and what to do.
+        what: String,
+    },
+    /// A folder without a scan.
+    #[error("{} holds no scan; give a folder of .las, .laz, .pcd, .ply or .bin files", folder.display())]
+    NoScanFiles {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// A folder with scans of two formats.
+    #[error("{} and {} are of two formats; give a folder with scans of one", first.display(), other.display())]
+    MixedScans {
+        /// A scan.
+        first: PathBuf,
+        /// A scan of another format.
+        other: PathBuf,
+    },
+    /// As many poses as there are not scans.
+    #[error(
+        "{} has {poses} poses and {} has {scans} scans, which are not named by numbers of poses or by times: give a pose per scan, or TUM poses with --scan-times",
+        survey.display(),
+        folder.display()
+    )]
+    PosesAndScans {
+        /// The file of the poses.
+        survey: PathBuf,
+        /// Its poses.
+        poses: usize,
+        /// The folder of the scans.
+        folder: PathBuf,
+        /// Its scans.
+        scans: usize,
+    },
+    /// As many times as there are not scans.
+    #[error("{} has {times} times and {} has {scans} scans: give one time per scan", path.display(), folder.display())]
+    TimesAndScans {
+        /// The file of the times.
+        path: PathBuf,
+        /// Its times.
+        times: usize,
+        /// The folder of the scans.
+        folder: PathBuf,
+        /// Its scans.
+        scans: usize,
+    },
+    /// Poses and scans of other times.
+    #[error(
+        "{}: its poses are from {:.3} to {:.3} s, and no scan of {} ({:.3} to {:.3} s) has one before and after within {gap_s} s: give the poses of this drive, or its times with --scan-times",
+        survey.display(), poses_s.0, poses_s.1, scans.display(), scans_s.0, scans_s.1
+    )]
+    TimesApart {
+        /// The file of the poses.
+        survey: PathBuf,
+        /// The folder of the scans.
+        scans: PathBuf,
+        /// First and last time of a pose, seconds.
+        poses_s: (f64, f64),
+        /// First and last time of a scan, seconds.
+        scans_s: (f64, f64),
+        /// Longest time between two poses, seconds.
+        gap_s: f64,
+    },
+    /// A cloud that is not where its trajectory is.
+    #[error(
+        "{}: none of its {points} points is near the poses of {}: give the trajectory in the frame of the cloud, and --survey-frame camera where its z is forward",
+        cloud.display(),
+        survey.display()
+    )]
+    CloudApart {
+        /// The cloud.
+        cloud: PathBuf,
+        /// The file of the poses.
+        survey: PathBuf,
+        /// Points of the cloud.
+        points: usize,
+    },
     /// The LAS writer.
     #[error("{}: the point cloud could not be written: {reason}", path.display())]
     Cloud {
@@ -84,6 +168,15 @@ pub enum Error {
 }
 
 impl Error {
+    /// What `las` says about a file.
+    pub(crate) fn las(path: &Path, error: &las::Error) -> Self {
+        let said = error.to_string().replace('\n', " ");
+        Self::BadScan {
+            path: path.to_path_buf(),
+            what: format!("it is no whole LAS or LAZ file ({said}); copy or export it again"),
+        }
+    }
+
     /// For `map_err`: what is wrong with a report, together with its file.
     pub fn report(path: &Path) -> impl FnOnce(serde_json::Error) -> Self {
         let path = path.to_path_buf();

@@ -15,6 +15,7 @@ pub mod error;
 pub mod export;
 pub mod grid;
 pub mod ground;
+pub mod input;
 pub mod inspect;
 pub mod lanes;
 pub mod lidar;

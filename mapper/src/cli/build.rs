@@ -5,14 +5,14 @@ use std::time::Instant;
 
 use clap::Args;
 use common::config;
-use common::map::EncodeOptions;
+use common::map::{EncodeOptions, SemanticMap};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
+use super::source::SourceArgs;
 use super::usage::Usage;
 use super::{Outcome, print, print_json};
 use crate::config::Config;
-use crate::drive::Drive;
 use crate::error::{Error, Result};
 use crate::export::CloudFile;
 use crate::inspect::{build_text, count_text, road_length_m};
@@ -22,27 +22,11 @@ use crate::{Built, PoseSource, build};
 /// Build a map from the scans and the survey of a drive.
 #[derive(Debug, Args)]
 pub struct Build {
-    /// Folder with `sequences/` and `poses/`, as KITTI odometry has it.
-    #[arg(long, value_name = "ROOT", required_unless_present = "print_config")]
-    kitti: Option<PathBuf>,
-    /// The drive, such as 04.
-    #[arg(long, value_name = "NN", required_unless_present = "print_config")]
-    sequence: Option<String>,
-    /// Stitch every Nth frame only.
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
-    every: u32,
-    /// First frame to stitch.
-    #[arg(long, value_name = "FRAME", default_value_t = 0)]
-    first: usize,
-    /// Last frame to stitch [default: the last one that has a scan].
-    #[arg(long, value_name = "FRAME")]
-    last: Option<usize>,
+    #[command(flatten)]
+    source: SourceArgs,
     /// Poses to stitch with: the survey's as given, or refined with the scans.
     #[arg(long, value_enum, default_value_t)]
     poses: PoseSource,
-    /// The survey: one pose per frame of the drive [default: ROOT/poses/NN.txt].
-    #[arg(long, value_name = "POSES.txt")]
-    survey: Option<PathBuf>,
     /// The map to write; a report of the build goes beside it (04.build.json
     /// beside 04.csm).
     #[arg(long, value_name = "MAP.csm", required_unless_present = "print_config")]
@@ -85,34 +69,33 @@ impl Build {
     /// Runs the command.
     pub fn run(&self) -> Result<Outcome> {
         let config: Config = self.config.as_ref().map_or_else(|| Ok(Config::default()), config::load)?;
-        // The command line lets these be absent with --print-config only.
-        if let (Some(kitti), Some(sequence), Some(out)) = (&self.kitti, &self.sequence, &self.out)
-            && !self.print_config
-        {
+        // The command line lets it be absent with --print-config only.
+        if let Some(out) = self.out.as_deref().filter(|_| !self.print_config) {
             let threads = self.threads.unwrap_or(0) as usize;
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
                 .build()
                 .map_err(|e| Error::Threads { threads, reason: e.to_string() })?;
-            pool.install(|| self.build(kitti, sequence, out, &config))?;
+            pool.install(|| self.build(out, &config))?;
         } else {
             print(&config::to_toml(&config)?);
         }
         Ok(Outcome::Done)
     }
 
-    fn build(&self, kitti: &Path, sequence: &str, out: &Path, config: &Config) -> Result<()> {
+    fn build(&self, out: &Path, config: &Config) -> Result<()> {
         let started = Instant::now();
         for path in [Some(out), self.trajectory.as_deref(), self.cloud.as_deref()].into_iter().flatten() {
             can_be_written(path)?;
         }
-        let span = (self.first, self.last.unwrap_or(usize::MAX));
-        let drive = Drive::open(kitti, sequence, self.every as usize, span, self.survey.as_deref(), MAX_RANGE_M)?;
+        let drive = self.source.open(config)?;
+        // What is no scan cannot be registered against another.
+        let poses = if drive.has_single_scans() { self.poses } else { PoseSource::Given };
 
         let mut scans = ScanCounts::default();
         let mut cloud = self.cloud.as_deref().map(|path| CloudFile::create(path, config)).transpose()?;
         let bar = progress();
-        let Built { map, registration } = build(&drive, self.poses, config, |window| {
+        let Built { map, registration } = build(&drive, poses, config, |window| {
             // Windows overlap: a scan counts where it is seen first.
             for scan in &window.cloud.scans {
                 if scans.scans == 0 || scan.frame > scans.last_frame {
@@ -134,7 +117,7 @@ impl Build {
         let report = BuildReport {
             map_bytes: bytes.len(),
             map_crc32c: checksum(&bytes),
-            poses: self.poses,
+            poses,
             frames: drive.survey.len(),
             scans,
             registration: registration.report,
@@ -145,7 +128,8 @@ impl Build {
             common::kitti::write_poses(path, &registration.map_from_camera)?;
         }
         let road_m = road_length_m(&map);
-        let cloud = cloud.map(CloudFile::finish).transpose()?;
+        // Landmarks are numbered as in the file, which has an order of its own.
+        let cloud = cloud.map(|cloud| cloud.finish(&SemanticMap::decode(&bytes)?)).transpose()?;
         if self.json {
             return print_json(&Summary {
                 map: out,
@@ -158,6 +142,9 @@ impl Build {
             });
         }
         print(&format!("{}: {} bytes for {road_m:.0} m of road: {}\n", out.display(), bytes.len(), count_text(&map)));
+        for note in &drive.notes {
+            print(&format!("{note}\n"));
+        }
         print(&build_text(&report));
         print(&usage.text());
         if let (Some(path), Some(count)) = (&self.cloud, cloud) {
@@ -166,10 +153,6 @@ impl Build {
         Ok(())
     }
 }
-
-/// Farthest point read, metres: the reach of the lidar. What is stitched and
-/// what is registered ends nearer, by the settings.
-const MAX_RANGE_M: f32 = 120.0;
 
 /// Says so before the work, not after it, where a file has no folder.
 fn can_be_written(path: &Path) -> Result<()> {

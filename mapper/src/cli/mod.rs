@@ -2,6 +2,7 @@
 
 mod build;
 mod export;
+mod source;
 mod usage;
 mod views;
 
@@ -30,7 +31,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Build a map from the scans and the survey of a drive.
-    Build(build::Build),
+    Build(Box<build::Build>),
     /// Say what is in a map, which bytes it takes, and how it was built.
     Inspect(Inspect),
     /// Say how large a map is; exit with 1 if it is over the budget.

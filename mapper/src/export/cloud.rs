@@ -1,8 +1,9 @@
-//! The stitched cloud as LAZ, with a class per point.
+//! The stitched cloud as LAZ, with a class and a landmark per point.
 //!
-//! Columns are held in a pasture buffer, one window of the drive at a time,
-//! and go out through `las`. pasture brings a nalgebra of its own: no type of
-//! either package leaves this module.
+//! Columns are held in a pasture buffer, one window of the drive at a time, and
+//! wait on the disk until the map is whole; then they go out through `las`.
+//! pasture brings a nalgebra of its own: no type of either package leaves
+//! this module and [`super::classes`].
 //!
 //! | class | what |
 //! |---|---|
@@ -16,22 +17,27 @@
 //! Axes are x right, y forward, z up (map x, z, -y), for viewers take z for
 //! the height; metres in steps of 1 mm. Intensity is the reflectance, full
 //! scale 65535; the point source is the frame; the time is that of the frame.
+//!
+//! The extra dimension `landmark_id` (LAS 1.4, record 4 of `LASF_Spec`:
+//! unsigned 32 bits) is the number of the landmark that the point lies on, as
+//! in all exports of the map: [`super::Numbering`]. It is 0 on all other
+//! points, and on those of a landmark that is not in the map in the end.
 
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 
-use common::map::{LaneLine, Pole, PoleKind, Sign, SignKind};
+use common::map::SemanticMap;
 use las::point::{Classification, Format};
-use las::{Builder, Transform, Vector, Writer};
+use las::{Builder, Transform, Vector, Vlr, Writer};
 use nalgebra::Point3;
 use pasture_core::containers::{BorrowedBuffer, BorrowedBufferExt, HashMapBuffer};
-use pasture_core::layout::PointLayout;
 use pasture_core::layout::attributes::{CLASSIFICATION, INTENSITY, POINT_SOURCE_ID, POSITION_3D};
 use pasture_core::nalgebra::Vector3 as PastureVector3;
-use rayon::prelude::*;
 
+use super::classes::columns;
+use super::landmarks::LandmarkIndex;
 use crate::build::Window;
-use crate::cloud::CloudPoint;
 use crate::config::Config;
 use crate::error::{Error, Result};
 
@@ -39,27 +45,14 @@ use crate::error::{Error, Result};
 const STEP_M: f64 = 0.001;
 /// Farthest coordinate that the file can hold, metres: 31 bits of steps.
 const FARTHEST_M: f64 = 2.0e6;
-/// Distance from a pole's axis within which a point is the pole's, metres: a
-/// thick post, and what is left of the poses' errors.
-const POLE_RADIUS_M: f64 = 0.25;
-/// Distance beyond a sign's radius within which a bright point is the sign's,
-/// metres.
-const SIGN_MARGIN_M: f64 = 0.15;
-/// Half the width of what the vehicle drove over, metres: a narrow car.
-const DRIVEN_HALF_WIDTH_M: f64 = 0.8;
 
-const OTHER: u8 = 1;
-const GROUND: u8 = 2;
-const ROAD_SURFACE: u8 = 11;
-const POLE: u8 = 64;
-const SIGN: u8 = 68;
-const LANE_PAINT: u8 = 70;
-
-/// A LAZ file in the making; nothing is on disk before [`Self::finish`].
+/// A LAZ file in the making; nothing has its name before [`Self::finish`].
 pub struct CloudFile {
     path: PathBuf,
     config: Config,
-    writer: Writer<Cursor<Vec<u8>>>,
+    /// Points until the map is whole, a [`Waiting`] each: a file without a
+    /// name, which the system removes.
+    waiting: BufWriter<File>,
     count: CloudCount,
 }
 
@@ -72,32 +65,36 @@ pub struct CloudCount {
     pub left_out: usize,
 }
 
+/// A point that waits for its landmark.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Waiting {
+    /// x right, y forward, z up, metres.
+    position: [f64; 3],
+    time_s: f64,
+    intensity: u16,
+    source: u16,
+    class: u8,
+}
+
+/// Bytes of a [`Waiting`].
+const WAITING_BYTES: usize = 37;
+
 impl CloudFile {
     /// Begins a file; `config` is that of the build.
     ///
     /// # Errors
-    /// [`Error::Cloud`] with what the writer says.
+    /// [`common::Error::Io`] where the folder of the file takes none.
     pub fn create(path: &Path, config: &Config) -> Result<Self> {
-        let axis = Transform { scale: STEP_M, offset: 0.0 };
-        let mut builder = Builder::from((1, 4));
-        // No date: the same cloud is the same bytes tomorrow.
-        builder.date = None;
-        builder.generating_software = concat!("waymark mapper ", env!("CARGO_PKG_VERSION")).into();
-        builder.transforms = Vector { x: axis, y: axis, z: axis };
-        let writer = Format::new(6).and_then(|mut format| {
-            format.is_compressed = true;
-            builder.point_format = format;
-            Writer::new(Cursor::new(Vec::new()), builder.into_header()?)
-        });
-        let writer = writer.map_err(|e| fault(path, &e))?;
-        Ok(Self { path: path.to_path_buf(), config: config.clone(), writer, count: CloudCount::default() })
+        let file = tempfile::tempfile_in(folder(path)).map_err(common::Error::io(path))?;
+        let waiting = BufWriter::with_capacity(1 << 16, file);
+        Ok(Self { path: path.to_path_buf(), config: config.clone(), waiting, count: CloudCount::default() })
     }
 
     /// Adds the points that a window owns. `times_s` are the times of the
     /// drive's frames, seconds.
     ///
     /// # Errors
-    /// [`Error::Cloud`] with what the writer says.
+    /// [`common::Error::Io`] where the disk takes no more.
     pub fn add(&mut self, window: &Window, times_s: &[f64]) -> Result<()> {
         self.write(&columns(window, &self.config), times_s)
     }
@@ -115,147 +112,188 @@ impl CloudFile {
                 self.count.left_out += 1;
                 continue;
             }
-            let frame = frames.at(i);
-            let point = las::Point {
-                x: position.x,
-                y: position.y,
-                z: position.z,
+            let source = frames.at(i);
+            let point = Waiting {
+                position: position.into(),
+                time_s: times_s.get(usize::from(source)).copied().unwrap_or(0.0),
                 intensity: intensities.at(i),
-                return_number: 1,
-                number_of_returns: 1,
-                classification: Classification::new(classes.at(i)).unwrap_or_default(),
-                point_source_id: frame,
-                gps_time: Some(times_s.get(usize::from(frame)).copied().unwrap_or(0.0)),
-                ..las::Point::default()
+                source,
+                class: classes.at(i),
             };
-            self.writer.write_point(point).map_err(|e| fault(&self.path, &e))?;
+            self.waiting.write_all(&point.to_bytes()).map_err(common::Error::io(&self.path))?;
             self.count.written += 1;
         }
         Ok(())
     }
 
-    /// Writes the file.
+    /// Writes the file, with the landmarks of `map`, as it is read from its
+    /// file.
     ///
     /// # Errors
     /// [`Error::Cloud`] with what the writer says, and as
     /// [`common::atomic_file::write`].
-    pub fn finish(mut self) -> Result<CloudCount> {
-        self.writer.close().map_err(|e| fault(&self.path, &e))?;
-        let bytes = self.writer.into_inner().map_err(|e| fault(&self.path, &e))?.into_inner();
-        common::atomic_file::write(&self.path, &bytes)?;
-        Ok(self.count)
+    pub fn finish(self, map: &SemanticMap) -> Result<CloudCount> {
+        let Self { path, config, waiting, count } = self;
+        let io = || common::Error::io(&path);
+        let mut waiting = waiting.into_inner().map_err(|e| io()(e.into_error()))?;
+        waiting.rewind().map_err(io())?;
+        let mut waiting = BufReader::with_capacity(1 << 16, waiting);
+        let landmarks = LandmarkIndex::new(map, config.lanes.half_line_m);
+        let target = tempfile::tempfile_in(folder(&path)).map_err(io())?;
+        let mut whole = target.try_clone().map_err(io())?;
+        let mut writer = writer(BufWriter::new(target)).map_err(|e| fault(&path, &e))?;
+        let mut bytes = [0; WAITING_BYTES];
+        for _ in 0..count.written {
+            waiting.read_exact(&mut bytes).map_err(io())?;
+            let point = Waiting::from_bytes(&bytes).point(&landmarks);
+            writer.write_point(point).map_err(|e| fault(&path, &e))?;
+        }
+        writer.close().map_err(|e| fault(&path, &e))?;
+        drop(writer);
+        whole.rewind().map_err(io())?;
+        common::atomic_file::write_with(&path, |out| {
+            std::io::copy(&mut whole, &mut &mut *out).map_err(io())?;
+            Ok::<(), Error>(())
+        })?;
+        Ok(count)
     }
+}
+
+impl Waiting {
+    fn to_bytes(self) -> [u8; WAITING_BYTES] {
+        let mut bytes = [0; WAITING_BYTES];
+        let [x, y, z] = self.position;
+        for (slot, value) in bytes.as_chunks_mut::<8>().0.iter_mut().zip([x, y, z, self.time_s]) {
+            *slot = value.to_le_bytes();
+        }
+        let [i0, i1] = self.intensity.to_le_bytes();
+        let [s0, s1] = self.source.to_le_bytes();
+        bytes[32..].copy_from_slice(&[i0, i1, s0, s1, self.class]);
+        bytes
+    }
+
+    fn from_bytes(bytes: &[u8; WAITING_BYTES]) -> Self {
+        let mut values = [0.0; 4];
+        for (value, eight) in values.iter_mut().zip(bytes.as_chunks::<8>().0) {
+            *value = f64::from_le_bytes(*eight);
+        }
+        let [x, y, z, time_s] = values;
+        Self {
+            position: [x, y, z],
+            time_s,
+            intensity: u16::from_le_bytes([bytes[32], bytes[33]]),
+            source: u16::from_le_bytes([bytes[34], bytes[35]]),
+            class: bytes[36],
+        }
+    }
+
+    fn point(&self, landmarks: &LandmarkIndex) -> las::Point {
+        let [x, y, z] = self.position;
+        let id = landmarks.number(self.class, &Point3::new(x, -z, y));
+        las::Point {
+            x,
+            y,
+            z,
+            intensity: self.intensity,
+            return_number: 1,
+            number_of_returns: 1,
+            classification: Classification::new(self.class).unwrap_or_default(),
+            point_source_id: self.source,
+            gps_time: Some(self.time_s),
+            extra_bytes: id.to_le_bytes().to_vec(),
+            ..las::Point::default()
+        }
+    }
+}
+
+fn writer(target: BufWriter<File>) -> las::Result<Writer<BufWriter<File>>> {
+    let axis = Transform { scale: STEP_M, offset: 0.0 };
+    let mut builder = Builder::from((1, 4));
+    // No date: the same cloud is the same bytes tomorrow.
+    builder.date = None;
+    builder.generating_software = concat!("waymark mapper ", env!("CARGO_PKG_VERSION")).into();
+    builder.transforms = Vector { x: axis, y: axis, z: axis };
+    builder.vlrs.push(landmark_dimension());
+    let mut format = Format::new(6)?;
+    format.is_compressed = true;
+    format.extra_bytes = 4;
+    builder.point_format = format;
+    Writer::new(target, builder.into_header()?)
+}
+
+/// The record that names the extra bytes of a point (LAS 1.4 R15, table 24).
+fn landmark_dimension() -> Vlr {
+    let mut data = vec![0; 192];
+    // Unsigned long, 4 bytes; no options: no scale, no limits.
+    data[2] = 5;
+    for (at, text) in [(4, "landmark_id"), (160, "number in the map, 0: none")] {
+        data[at..at + text.len()].copy_from_slice(text.as_bytes());
+    }
+    Vlr { user_id: "LASF_Spec".into(), record_id: 4, description: "extra bytes".into(), data }
+}
+
+/// The folder that a file lies in.
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 fn fault(path: &Path, error: &las::Error) -> Error {
     Error::Cloud { path: path.to_path_buf(), reason: error.to_string() }
 }
 
-/// The points that a window owns, in the order of the scans, as columns.
-fn columns(window: &Window, config: &Config) -> HashMapBuffer {
-    let cloud = window.cloud;
-    let owned: Vec<(&CloudPoint, u8)> = cloud
-        .points
-        .par_iter()
-        .filter_map(|p| {
-            let place = cloud.place(&p.position);
-            window.owned.contains(&place.station_m).then(|| (p, class(p, place.offset_m, window, config)))
-        })
-        .collect();
-    let frame = |p: &CloudPoint| cloud.scans.get(usize::from(p.scan)).map_or(0, |s| s.frame);
-    let position = |p: &CloudPoint| PastureVector3::new(p.position.x, p.position.z, -p.position.y);
-    let intensity = |p: &CloudPoint| (p.reflectance.clamp(0.0, 1.0) * 65535.0).round() as u16;
-    // No drive of KITTI has as many frames as the field has numbers.
-    let source = |p: &CloudPoint| frame(p).min(usize::from(u16::MAX)) as u16;
-    buffer(
-        &owned.iter().map(|(p, _)| position(p)).collect::<Vec<_>>(),
-        &owned.iter().map(|(p, _)| intensity(p)).collect::<Vec<_>>(),
-        &owned.iter().map(|(_, class)| *class).collect::<Vec<_>>(),
-        &owned.iter().map(|(p, _)| source(p)).collect::<Vec<_>>(),
-    )
-}
-
-fn buffer(positions: &[PastureVector3<f64>], intensities: &[u16], classes: &[u8], sources: &[u16]) -> HashMapBuffer {
-    let layout = PointLayout::from_attributes(&[POSITION_3D, INTENSITY, CLASSIFICATION, POINT_SOURCE_ID]);
-    let mut buffer = HashMapBuffer::with_capacity(positions.len(), layout);
-    let mut pusher = buffer.begin_push_attributes();
-    pusher.push_attribute_range(&POSITION_3D, positions);
-    pusher.push_attribute_range(&INTENSITY, intensities);
-    pusher.push_attribute_range(&CLASSIFICATION, classes);
-    pusher.push_attribute_range(&POINT_SOURCE_ID, sources);
-    pusher.done();
-    buffer
-}
-
-/// The class of a point: of all that it could be, the one that says most.
-fn class(p: &CloudPoint, offset_m: f64, window: &Window, config: &Config) -> u8 {
-    let at = &p.position;
-    if p.reflectance >= config.signs.least_reflectance
-        && let Some(sign) = window.signs.iter().find(|s| is_on_sign(at, s))
-    {
-        return SIGN + u8::from(sign.kind == SignKind::TrafficLight);
-    }
-    let is_ground = f64::from(p.height_m).abs() <= config.ground.thickness_m;
-    let is_paint = is_ground && p.contrast.is_some_and(|c| c >= config.lanes.least_contrast);
-    if is_paint && window.lanes.iter().any(|l| is_on_lane(at, l, config.lanes.half_line_m)) {
-        return LANE_PAINT;
-    }
-    if is_ground {
-        return if offset_m.abs() <= DRIVEN_HALF_WIDTH_M { ROAD_SURFACE } else { GROUND };
-    }
-    window.poles.iter().find(|pole| is_on_pole(at, pole)).map_or(OTHER, |pole| POLE + pole_index(pole.kind))
-}
-
-fn pole_index(kind: PoleKind) -> u8 {
-    PoleKind::ALL.iter().position(|k| *k == kind).unwrap_or(0) as u8
-}
-
-fn is_on_sign(p: &Point3<f64>, sign: &Sign) -> bool {
-    (p - sign.centroid_map).norm() <= 0.5 * sign.size_m + SIGN_MARGIN_M
-}
-
-fn is_on_pole(p: &Point3<f64>, pole: &Pole) -> bool {
-    distance_to_segment(p, &pole.foot_map, &pole.top_map) <= POLE_RADIUS_M
-}
-
-fn is_on_lane(p: &Point3<f64>, lane: &LaneLine, half_line_m: f64) -> bool {
-    let flat = |q: &Point3<f64>| Point3::new(q.x, 0.0, q.z);
-    lane.points_map.windows(2).any(|w| distance_to_segment(&flat(p), &flat(&w[0]), &flat(&w[1])) <= half_line_m)
-}
-
-fn distance_to_segment(p: &Point3<f64>, a: &Point3<f64>, b: &Point3<f64>) -> f64 {
-    let along = b - a;
-    let length2 = along.norm_squared();
-    let share = if length2 > 0.0 { ((p - a).dot(&along) / length2).clamp(0.0, 1.0) } else { 0.0 };
-    (p - (a + along * share)).norm()
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::classes::buffer;
     use super::*;
+    use common::map::{Pole, PoleKind, RoadId};
+
+    fn map() -> SemanticMap {
+        let pole = |x| Pole {
+            kind: PoleKind::LampPost,
+            foot_map: Point3::new(x, 4.0, 2.0),
+            top_map: Point3::new(x, 1.0, 2.0),
+            road: RoadId(0),
+        };
+        SemanticMap { poles: vec![pole(30.0), pole(1.1)], ..SemanticMap::default() }
+    }
 
     fn written(folder: &Path, name: &str) -> (CloudCount, Vec<u8>) {
         let path = folder.join(name);
         let mut file = CloudFile::create(&path, &Config::default()).unwrap();
-        let far = [1.0, f64::NAN, 2.5e6, f64::INFINITY].map(|x| PastureVector3::new(x, 2.0, -3.0));
-        file.write(&buffer(&far, &[7; 4], &[2, 64, 64, 64], &[5; 4]), &[0.0, 0.1, 0.2, 0.3, 0.4, 0.5]).unwrap();
+        let far = [1.0, f64::NAN, 2.5e6, f64::INFINITY, 1.0].map(|x| PastureVector3::new(x, 2.0, -3.0));
+        let classes = [2, 64, 64, 64, 64];
+        file.write(&buffer(&far, &[7; 5], &classes, &[5; 5]), &[0.0, 0.1, 0.2, 0.3, 0.4, 0.5]).unwrap();
         file.write(&buffer(&[], &[], &[], &[]), &[]).unwrap();
-        (file.finish().unwrap(), std::fs::read(path).unwrap())
+        (file.finish(&map()).unwrap(), std::fs::read(path).unwrap())
     }
 
     #[test]
     fn what_the_file_cannot_hold_is_left_out() {
         let folder = tempfile::tempdir().unwrap();
         let (count, _) = written(folder.path(), "a.laz");
-        assert_eq!(count, CloudCount { written: 1, left_out: 3 });
+        assert_eq!(count, CloudCount { written: 2, left_out: 3 });
         let mut reader = las::Reader::from_path(folder.path().join("a.laz")).unwrap();
         assert!(reader.header().date().is_none() && reader.header().point_format().is_compressed);
         let points: Vec<las::Point> = reader.read_all().unwrap().points().map(|p| p.unwrap()).collect();
-        assert_eq!(points.len(), 1);
+        assert_eq!(points.len(), 2);
         let p = &points[0];
         assert!((p.x - 1.0).abs() < 1e-9 && (p.y - 2.0).abs() < 1e-9 && (p.z + 3.0).abs() < 1e-9);
         assert_eq!((u8::from(p.classification), p.intensity, p.point_source_id), (2, 7, 5));
         assert_eq!(p.gps_time, Some(0.5));
+    }
+
+    #[test]
+    fn a_point_on_a_landmark_has_its_number() {
+        let folder = tempfile::tempdir().unwrap();
+        written(folder.path(), "a.laz");
+        let mut reader = las::Reader::from_path(folder.path().join("a.laz")).unwrap();
+        let record = reader.header().vlrs().iter().find(|v| v.record_id == 4).unwrap().clone();
+        assert_eq!((record.user_id.as_str(), record.data.len(), record.data[2]), ("LASF_Spec", 192, 5));
+        assert!(record.data[4..].starts_with(b"landmark_id\0"));
+        let points: Vec<las::Point> = reader.read_all().unwrap().points().map(|p| p.unwrap()).collect();
+        let ids: Vec<Vec<u8>> = points.iter().map(|p| p.extra_bytes.clone()).collect();
+        // Ground has none, although it lies as near to the second pole.
+        assert_eq!(ids, [[0, 0, 0, 0], [2, 0, 0, 0]]);
     }
 
     #[test]

@@ -3,10 +3,12 @@
 //! A landmark has the same number in all of them: its place in the map as it
 //! is read from its file, poles first, then signs, then lane lines, from 1.
 
+mod classes;
 mod cloud;
 mod csv;
 mod frame;
 mod geojson;
+mod landmarks;
 mod lanelet2;
 #[cfg(test)]
 mod tests;

@@ -1,0 +1,90 @@
+//! The options that say which drive a map is built from.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use crate::config::Config;
+use crate::drive::{Choice, Drive};
+use crate::error::{Error, Result};
+use crate::input::{ScanInput, SurveyFrame, open_raw, open_scans, open_stitched};
+
+/// Which drive, and which frames of it.
+#[derive(Debug, Args)]
+pub struct SourceArgs {
+    /// KITTI odometry: the folder with `sequences/` and `poses/`.
+    #[arg(long, value_name = "ROOT", requires = "sequence",
+        required_unless_present_any = ["raw", "scans", "stitched", "print_config"])]
+    kitti: Option<PathBuf>,
+    /// The drive of KITTI odometry, such as 04.
+    #[arg(long, value_name = "NN", requires = "kitti")]
+    sequence: Option<String>,
+    /// KITTI raw: the folder `DATE_drive_NNNN_sync`; the calibration of the
+    /// day lies beside it.
+    #[arg(long, value_name = "SYNC", conflicts_with_all = ["kitti", "scans", "stitched", "survey"])]
+    raw: Option<PathBuf>,
+    /// A folder of scans (.las, .laz, .pcd, .ply, or .bin as KITTI's) in the
+    /// lidar's frame: x forward, y left, z up.
+    #[arg(long, value_name = "FOLDER", requires = "survey", conflicts_with_all = ["kitti", "stitched"])]
+    scans: Option<PathBuf>,
+    /// A stitched cloud (.las, .laz), z up, in the world of its poses.
+    #[arg(long, value_name = "CLOUD.laz", requires = "survey", conflicts_with = "kitti")]
+    stitched: Option<PathBuf>,
+    /// The survey: one pose per frame as KITTI rows [default with --kitti:
+    /// ROOT/poses/NN.txt]; with --scans and --stitched TUM lines, too.
+    #[arg(long, value_name = "POSES.txt")]
+    survey: Option<PathBuf>,
+    /// With --scans and --stitched: whose poses the survey holds.
+    #[arg(long, value_enum, default_value_t)]
+    survey_frame: SurveyFrame,
+    /// With --scans: one time per scan, seconds [default: file names that are
+    /// times].
+    #[arg(long, value_name = "TIMES.txt")]
+    scan_times: Option<PathBuf>,
+    /// With --scans and --stitched: KITTI's `calib.txt`, whose `Tr` leads from
+    /// the lidar to the camera [default: a camera at the lidar's place]. With
+    /// --raw: the folder of the three files of the day.
+    #[arg(long, value_name = "PATH")]
+    calib: Option<PathBuf>,
+    /// Stitch every Nth frame only.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
+    every: u32,
+    /// First frame to stitch.
+    #[arg(long, value_name = "FRAME", default_value_t = 0)]
+    first: usize,
+    /// Last frame to stitch [default: the last one that has a scan].
+    #[arg(long, value_name = "FRAME")]
+    last: Option<usize>,
+}
+
+/// Farthest point read, metres: the reach of the lidar. What is stitched and
+/// what is registered ends nearer, by the settings.
+const MAX_RANGE_M: f32 = 120.0;
+
+impl SourceArgs {
+    /// Opens the drive.
+    pub fn open(&self, config: &Config) -> Result<Drive> {
+        let every = self.every as usize;
+        let choice = Choice { every, first: self.first, last: self.last.unwrap_or(usize::MAX) };
+        if let Some(folder) = &self.raw {
+            return open_raw(folder, self.calib.as_deref(), choice, MAX_RANGE_M);
+        }
+        if let (Some(path), Some(survey)) = (self.scans.as_deref().or(self.stitched.as_deref()), &self.survey) {
+            let input = self.input(path, survey);
+            let open = if self.scans.is_some() { open_scans } else { open_stitched };
+            return open(&input, choice, MAX_RANGE_M, &config.input, &config.lidar);
+        }
+        let (Some(root), Some(sequence)) = (&self.kitti, &self.sequence) else { return Err(Error::NoSource) };
+        Drive::open(root, sequence, every, (choice.first, choice.last), self.survey.as_deref(), MAX_RANGE_M)
+    }
+
+    fn input<'a>(&'a self, path: &'a Path, survey: &'a Path) -> ScanInput<'a> {
+        ScanInput {
+            path,
+            survey,
+            frame: self.survey_frame,
+            calibration: self.calib.as_deref(),
+            scan_times: self.scan_times.as_deref(),
+        }
+    }
+}

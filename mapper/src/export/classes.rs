@@ -1,0 +1,114 @@
+//! The class of a point of the stitched cloud, and the points of a window as
+//! columns.
+
+use common::map::{LaneLine, Pole, PoleKind, Sign, SignKind};
+use nalgebra::Point3;
+use pasture_core::containers::HashMapBuffer;
+use pasture_core::layout::PointLayout;
+use pasture_core::layout::attributes::{CLASSIFICATION, INTENSITY, POINT_SOURCE_ID, POSITION_3D};
+use pasture_core::nalgebra::Vector3 as PastureVector3;
+use rayon::prelude::*;
+
+use crate::build::Window;
+use crate::cloud::CloudPoint;
+use crate::config::Config;
+
+/// Distance from a pole's axis within which a point is the pole's, metres: a
+/// thick post, and what is left of the poses' errors.
+pub(super) const POLE_RADIUS_M: f64 = 0.25;
+/// Distance beyond a sign's radius within which a bright point is the sign's,
+/// metres.
+pub(super) const SIGN_MARGIN_M: f64 = 0.15;
+/// Half the width of what the vehicle drove over, metres: a narrow car.
+const DRIVEN_HALF_WIDTH_M: f64 = 0.8;
+
+const OTHER: u8 = 1;
+const GROUND: u8 = 2;
+const ROAD_SURFACE: u8 = 11;
+pub(super) const POLE: u8 = 64;
+pub(super) const SIGN: u8 = 68;
+pub(super) const LANE_PAINT: u8 = 70;
+
+/// The points that a window owns, in the order of the scans, as columns.
+pub(super) fn columns(window: &Window, config: &Config) -> HashMapBuffer {
+    let cloud = window.cloud;
+    let owned: Vec<(&CloudPoint, u8)> = cloud
+        .points
+        .par_iter()
+        .filter_map(|p| {
+            let place = cloud.place(&p.position);
+            window.owned.contains(&place.station_m).then(|| (p, class(p, place.offset_m, window, config)))
+        })
+        .collect();
+    let frame = |p: &CloudPoint| cloud.scans.get(usize::from(p.scan)).map_or(0, |s| s.frame);
+    let position = |p: &CloudPoint| PastureVector3::new(p.position.x, p.position.z, -p.position.y);
+    let intensity = |p: &CloudPoint| (p.reflectance.clamp(0.0, 1.0) * 65535.0).round() as u16;
+    // No drive of KITTI has as many frames as the field has numbers.
+    let source = |p: &CloudPoint| frame(p).min(usize::from(u16::MAX)) as u16;
+    buffer(
+        &owned.iter().map(|(p, _)| position(p)).collect::<Vec<_>>(),
+        &owned.iter().map(|(p, _)| intensity(p)).collect::<Vec<_>>(),
+        &owned.iter().map(|(_, class)| *class).collect::<Vec<_>>(),
+        &owned.iter().map(|(p, _)| source(p)).collect::<Vec<_>>(),
+    )
+}
+
+pub(super) fn buffer(
+    positions: &[PastureVector3<f64>],
+    intensities: &[u16],
+    classes: &[u8],
+    sources: &[u16],
+) -> HashMapBuffer {
+    let layout = PointLayout::from_attributes(&[POSITION_3D, INTENSITY, CLASSIFICATION, POINT_SOURCE_ID]);
+    let mut buffer = HashMapBuffer::with_capacity(positions.len(), layout);
+    let mut pusher = buffer.begin_push_attributes();
+    pusher.push_attribute_range(&POSITION_3D, positions);
+    pusher.push_attribute_range(&INTENSITY, intensities);
+    pusher.push_attribute_range(&CLASSIFICATION, classes);
+    pusher.push_attribute_range(&POINT_SOURCE_ID, sources);
+    pusher.done();
+    buffer
+}
+
+/// The class of a point: of all that it could be, the one that says most.
+fn class(p: &CloudPoint, offset_m: f64, window: &Window, config: &Config) -> u8 {
+    let at = &p.position;
+    if p.reflectance >= config.signs.least_reflectance
+        && let Some(sign) = window.signs.iter().find(|s| is_on_sign(at, s))
+    {
+        return SIGN + u8::from(sign.kind == SignKind::TrafficLight);
+    }
+    let is_ground = f64::from(p.height_m).abs() <= config.ground.thickness_m;
+    let is_paint = is_ground && p.contrast.is_some_and(|c| c >= config.lanes.least_contrast);
+    if is_paint && window.lanes.iter().any(|l| is_on_lane(at, l, config.lanes.half_line_m)) {
+        return LANE_PAINT;
+    }
+    if is_ground {
+        return if offset_m.abs() <= DRIVEN_HALF_WIDTH_M { ROAD_SURFACE } else { GROUND };
+    }
+    window.poles.iter().find(|pole| is_on_pole(at, pole)).map_or(OTHER, |pole| POLE + pole_index(pole.kind))
+}
+
+fn pole_index(kind: PoleKind) -> u8 {
+    PoleKind::ALL.iter().position(|k| *k == kind).unwrap_or(0) as u8
+}
+
+fn is_on_sign(p: &Point3<f64>, sign: &Sign) -> bool {
+    (p - sign.centroid_map).norm() <= 0.5 * sign.size_m + SIGN_MARGIN_M
+}
+
+fn is_on_pole(p: &Point3<f64>, pole: &Pole) -> bool {
+    distance_to_segment(p, &pole.foot_map, &pole.top_map) <= POLE_RADIUS_M
+}
+
+fn is_on_lane(p: &Point3<f64>, lane: &LaneLine, half_line_m: f64) -> bool {
+    let flat = |q: &Point3<f64>| Point3::new(q.x, 0.0, q.z);
+    lane.points_map.windows(2).any(|w| distance_to_segment(&flat(p), &flat(&w[0]), &flat(&w[1])) <= half_line_m)
+}
+
+pub(super) fn distance_to_segment(p: &Point3<f64>, a: &Point3<f64>, b: &Point3<f64>) -> f64 {
+    let along = b - a;
+    let length2 = along.norm_squared();
+    let share = if length2 > 0.0 { ((p - a).dot(&along) / length2).clamp(0.0, 1.0) } else { 0.0 };
+    (p - (a + along * share)).norm()
+}

@@ -1,0 +1,37 @@
+//! How input is read that is not KITTI's.
+
+use serde::{Deserialize, Serialize};
+
+/// How input is read that is not KITTI's.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct InputConfig {
+    /// Longest time between two poses over which the pose of a scan is
+    /// interpolated, and over which a point belongs to a place, seconds: a car
+    /// turns by a few degrees in it.
+    pub longest_gap_s: f64,
+    /// Intensity that counts as a reflectance of 1; 0 takes the least of 1,
+    /// 255, 4095 and 65535 that no point of a few scans exceeds.
+    pub full_intensity: f32,
+    /// Points of a stitched cloud that are held in memory before they go to
+    /// the disk.
+    pub held_points: usize,
+}
+
+impl Default for InputConfig {
+    fn default() -> Self {
+        Self { longest_gap_s: 0.5, full_intensity: 0.0, held_points: 4_000_000 }
+    }
+}
+
+impl InputConfig {
+    /// The intensity that counts as a reflectance of 1, where the largest one
+    /// seen is `largest`.
+    pub fn full_scale(&self, largest: f32) -> f32 {
+        if self.full_intensity > 0.0 {
+            return self.full_intensity;
+        }
+        // A float of 0 to 1, and whole numbers of 8, 12 and 16 bits.
+        [1.0, 255.0, 4095.0, 65535.0].into_iter().find(|full| largest <= *full).unwrap_or(largest)
+    }
+}

@@ -1,0 +1,50 @@
+//! LAS and LAZ, through `las`.
+
+use std::path::Path;
+
+use common::kitti::ScanPoint;
+use las::Reader;
+
+use super::{Points, bad};
+use crate::error::{Error, Result};
+
+/// Points that are read at a time: a header can promise any number.
+const CHUNK: u64 = 1 << 16;
+
+/// Opens a LAS or LAZ file.
+///
+/// # Errors
+/// [`common::Error::Io`] where it cannot be opened, [`Error::BadScan`] where
+/// it is none.
+pub fn reader(path: &Path) -> Result<Reader> {
+    // The reader's own message about a missing file does not name it.
+    std::fs::File::open(path).map_err(common::Error::io(path))?;
+    Reader::from_path(path).map_err(|e| Error::las(path, &e))
+}
+
+/// Reads a scan.
+pub fn read(path: &Path) -> Result<Points> {
+    let mut reader = reader(path)?;
+    let promised = reader.header().number_of_points();
+    let mut all = Points::default();
+    loop {
+        let data = reader.read_points(CHUNK).map_err(|e| Error::las(path, &e))?;
+        if data.is_empty() {
+            break;
+        }
+        let positions = data.x().zip(data.y()).zip(data.z()).zip(data.intensity());
+        all.points.extend(positions.map(|(((x, y), z), intensity)| ScanPoint {
+            x_m: x as f32,
+            y_m: y as f32,
+            z_m: z as f32,
+            reflectance: f32::from(intensity),
+        }));
+    }
+    if (all.points.len() as u64) < promised {
+        return Err(bad(
+            path,
+            format!("its header promises {promised} points and {} are there; copy it again", all.points.len()),
+        ));
+    }
+    Ok(all)
+}

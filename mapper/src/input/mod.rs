@@ -1,0 +1,103 @@
+//! Where the scans of a drive come from. All of it gives a [`Drive`]: the
+//! rest of the program does not know which.
+//!
+//! | input | opened by |
+//! |---|---|
+//! | KITTI odometry | [`Drive::open`] |
+//! | KITTI raw | [`open_raw`] |
+//! | a folder of scans with poses | [`open_scans`] |
+//! | one stitched cloud with a trajectory | [`open_stitched`] |
+//!
+//! [`Drive`]: crate::drive::Drive
+//! [`Drive::open`]: crate::drive::Drive::open
+
+mod beams;
+mod config;
+mod formats;
+mod raw;
+mod scans;
+mod stitched;
+mod survey;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use common::kitti::{RawDrive, Scan, Sequence, read_scan};
+
+pub use self::config::InputConfig;
+pub use self::raw::open_raw;
+pub use self::scans::{ScanInput, open_scans};
+pub use self::stitched::open_stitched;
+pub use self::survey::SurveyFrame;
+use crate::error::Result;
+
+/// Where scans are read from.
+#[derive(Debug, Clone)]
+pub(crate) enum Source {
+    /// KITTI odometry.
+    Odometry(Sequence),
+    /// KITTI raw.
+    Raw(RawDrive),
+    /// A folder of scans.
+    Scans(Arc<scans::ScanFolder>),
+    /// A stitched cloud, cut along its trajectory.
+    Stitched(Arc<stitched::Slices>),
+}
+
+impl Source {
+    /// Name of the drive, for people: it goes into the map.
+    pub fn name(&self) -> String {
+        let name = match self {
+            Self::Odometry(sequence) => format!("kitti {}", sequence.name()),
+            Self::Raw(drive) => format!("kitti raw {}", drive.name()),
+            Self::Scans(folder) => folder.name(),
+            Self::Stitched(slices) => slices.name(),
+        };
+        fitting(&name)
+    }
+
+    /// The file of a frame's scan.
+    pub fn scan_path(&self, frame: usize) -> PathBuf {
+        match self {
+            Self::Odometry(sequence) => sequence.scan_path(frame),
+            Self::Raw(drive) => drive.scan_path(frame),
+            Self::Scans(folder) => folder.scan_path(frame),
+            Self::Stitched(slices) => slices.scan_path(frame),
+        }
+    }
+
+    /// Where the scans lie.
+    pub fn folder(&self) -> PathBuf {
+        match self {
+            Self::Odometry(sequence) => sequence.folder().join("velodyne"),
+            Self::Raw(drive) => drive.scans(),
+            Self::Scans(folder) => folder.folder().to_path_buf(),
+            Self::Stitched(slices) => slices.cloud().to_path_buf(),
+        }
+    }
+
+    /// The scan of a frame, in the frame of the lidar, its reflectance from 0
+    /// to 1.
+    pub fn read(&self, frame: usize, max_range_m: f32) -> Result<Scan> {
+        match self {
+            Self::Odometry(_) | Self::Raw(_) => Ok(read_scan(self.scan_path(frame), max_range_m)?),
+            Self::Scans(folder) => folder.read(frame, max_range_m),
+            Self::Stitched(slices) => slices.read(frame, max_range_m),
+        }
+    }
+}
+
+/// A name that a map can hold: no control characters, not too long.
+fn fitting(name: &str) -> String {
+    let mut out = String::new();
+    for c in name.chars().filter(|c| !c.is_control()) {
+        if out.len() + c.len_utf8() > common::map::MAX_NOTE_BYTES {
+            break;
+        }
+        out.push(c);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,278 @@
+//! One stitched cloud with a trajectory.
+//!
+//! The cloud is cut into slices, one per chosen place of the trajectory: a
+//! point belongs to the place that is nearest in time, where point and
+//! trajectory have times that fit, else to the nearest in space. A slice lies
+//! on the disk like a scan, in the frame of the lidar at its place, so that
+//! memory is bounded however large the cloud is.
+//!
+//! A slice is no scan: it holds what was seen from elsewhere, too. So poses
+//! are taken as they are, and nothing that compares scans can be told.
+
+use std::fs::OpenOptions;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use common::geometry::Pose;
+use common::kitti::{Scan, read_scan};
+use nalgebra::{Point2, Point3};
+use tempfile::TempDir;
+
+use super::Source;
+use super::beams;
+use super::config::InputConfig;
+use super::formats::las_reader;
+use super::scans::ScanInput;
+use super::survey::{Placement, Poses};
+use crate::drive::{Choice, Drive, Survey};
+use crate::error::{Error, Result};
+use crate::lidar::LidarConfig;
+use crate::path::Path as DrivenPath;
+
+/// Points that are read at a time.
+const CHUNK: u64 = 1 << 18;
+/// Share of the points that must have a time near the trajectory, for the
+/// times to be believed.
+const TIMED_SHARE: f64 = 0.5;
+
+/// A stitched cloud in slices.
+#[derive(Debug)]
+pub struct Slices {
+    cloud: PathBuf,
+    folder: TempDir,
+    full_scale: f32,
+    beam_step_rad: f64,
+}
+
+impl Slices {
+    /// Its name, for people.
+    pub fn name(&self) -> String {
+        let name = self.cloud.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        format!("cloud {name}")
+    }
+
+    /// The stitched cloud.
+    pub fn cloud(&self) -> &Path {
+        &self.cloud
+    }
+
+    /// The file of a slice.
+    pub fn scan_path(&self, frame: usize) -> PathBuf {
+        self.folder.path().join(format!("{frame:06}.bin"))
+    }
+
+    /// A slice; one without a point is empty.
+    ///
+    /// # Errors
+    /// As [`read_scan`].
+    pub fn read(&self, frame: usize, max_range_m: f32) -> Result<Scan> {
+        let path = self.scan_path(frame);
+        if !path.exists() {
+            return Ok(Scan::default());
+        }
+        let mut scan = read_scan(&path, max_range_m)?;
+        for p in &mut scan.points {
+            p.reflectance /= self.full_scale;
+        }
+        beams::order(&mut scan.points, &[], self.beam_step_rad);
+        Ok(scan)
+    }
+}
+
+/// Opens a stitched LAS or LAZ cloud, in the world of its trajectory.
+///
+/// # Errors
+/// A cloud or a trajectory that cannot be read, [`Error::CloudApart`] where no
+/// point is near the trajectory, and as [`Drive::open`].
+pub fn open_stitched(
+    input: &ScanInput,
+    choice: Choice,
+    max_range_m: f32,
+    config: &InputConfig,
+    lidar: &LidarConfig,
+) -> Result<Drive> {
+    let poses = Poses::read(input.survey)?;
+    let placement = Placement::new(input.frame, input.calibration, poses.first())?;
+    let (poses, times_s): (Vec<Pose>, Option<Vec<f64>>) = match poses {
+        Poses::Stamped(rows) => (rows.iter().map(|r| r.pose).collect(), Some(rows.iter().map(|r| r.time_s).collect())),
+        Poses::Rows(poses) => (poses, input.scan_times.map(common::kitti::read_times).transpose()?),
+    };
+    let times_s = times_s.filter(|t| t.len() == poses.len());
+    let map_from_camera: Vec<Pose> = poses.iter().map(|pose| placement.map_from_camera(pose)).collect();
+    let places = choice.of(0..poses.len());
+    if places.is_empty() {
+        return Err(Error::NoScans { folder: input.path.to_path_buf(), every: choice.every });
+    }
+    let cutter = Cutter::new(&placement, &map_from_camera, &places, times_s.as_deref(), max_range_m, config);
+    let folder = tempfile::tempdir().map_err(common::Error::io(std::env::temp_dir()))?;
+    let timed = times_s.is_some() && times_fit(input.path, &cutter)?;
+    let cut = cutter.cut(input.path, folder.path(), timed)?;
+    if cut.used == 0 {
+        return Err(Error::CloudApart {
+            cloud: input.path.to_path_buf(),
+            survey: input.survey.to_path_buf(),
+            points: cut.points,
+        });
+    }
+    let slices = Slices {
+        cloud: input.path.to_path_buf(),
+        folder,
+        full_scale: config.full_scale(cut.largest_intensity),
+        beam_step_rad: lidar.elevation_step_rad,
+    };
+    let mut notes: Vec<String> = placement.note().into_iter().collect();
+    notes.push(format!(
+        "{} of {} points lie along the trajectory, cut by {}; intensities up to {}, of which {} counts as a reflectance of 1",
+        cut.used,
+        cut.points,
+        if timed { "time" } else { "position" },
+        cut.largest_intensity,
+        slices.full_scale
+    ));
+    notes.push("a stitched cloud has no single scans: its poses are taken as given, and what moved stays in it".into());
+    let times_s = times_s.unwrap_or_else(|| (0..poses.len()).map(|frame| frame as f64 * 0.1).collect());
+    let survey = Survey { map_from_camera, times_s, camera_from_velodyne: placement.camera_from_velodyne };
+    let mut drive = Drive::new(Source::Stitched(slices.into()), &places, survey, choice, max_range_m)?;
+    drive.notes = notes;
+    Ok(drive)
+}
+
+/// Whether most of the first points of a cloud have a time that the trajectory
+/// has, too.
+fn times_fit(cloud: &Path, cutter: &Cutter) -> Result<bool> {
+    let mut reader = las_reader(cloud)?;
+    let data = reader.read_points(CHUNK).map_err(|e| Error::las(cloud, &e))?;
+    let Some(times) = data.gps_time() else { return Ok(false) };
+    let fit = times.filter(|t| cutter.by_time(*t).is_some()).count();
+    Ok(fit as f64 >= TIMED_SHARE * data.len() as f64 && fit > 0)
+}
+
+/// What became of a cloud.
+struct Cut {
+    points: usize,
+    used: usize,
+    largest_intensity: f32,
+}
+
+/// Cuts a cloud along a trajectory.
+struct Cutter<'a> {
+    placement: &'a Placement,
+    places: &'a [usize],
+    velodyne_from_map: Vec<Pose>,
+    times_s: Option<Vec<f64>>,
+    path: DrivenPath,
+    /// Station of each place along the path, metres.
+    stations_m: Vec<f64>,
+    max_range_m: f64,
+    config: &'a InputConfig,
+}
+
+impl<'a> Cutter<'a> {
+    fn new(
+        placement: &'a Placement,
+        map_from_camera: &[Pose],
+        places: &'a [usize],
+        times_s: Option<&[f64]>,
+        max_range_m: f32,
+        config: &'a InputConfig,
+    ) -> Self {
+        let of = |place: &usize| map_from_camera[*place] * placement.camera_from_velodyne;
+        let centres: Vec<Point3<f64>> = places.iter().map(|p| of(p).translation.vector.into()).collect();
+        let path = DrivenPath::new(&centres, 0.0);
+        let mut station_m = 0.0;
+        let stations_m = (0..centres.len())
+            .map(|i| {
+                let step = if i > 0 { centres[i] - centres[i - 1] } else { nalgebra::Vector3::zeros() };
+                station_m += step.x.hypot(step.z);
+                station_m
+            })
+            .collect();
+        Self {
+            placement,
+            places,
+            velodyne_from_map: places.iter().map(|p| of(p).inverse()).collect(),
+            times_s: times_s.map(|t| places.iter().map(|p| t[*p]).collect()),
+            path,
+            stations_m,
+            max_range_m: f64::from(max_range_m),
+            config,
+        }
+    }
+
+    /// The place nearest in time; none beyond the ends of the trajectory.
+    fn by_time(&self, time_s: f64) -> Option<usize> {
+        let times = self.times_s.as_ref()?;
+        let (first, last) = (times.first()?, times.last()?);
+        let beyond_s = (first - time_s).max(time_s - last);
+        (beyond_s <= self.config.longest_gap_s).then(|| nearest(times, time_s))
+    }
+
+    /// The place nearest in space.
+    fn by_position(&self, point_map: &Point3<f64>) -> usize {
+        let place = self.path.place(&Point2::new(point_map.x, point_map.z));
+        nearest(&self.stations_m, place.station_m)
+    }
+
+    fn cut(&self, cloud: &Path, folder: &Path, timed: bool) -> Result<Cut> {
+        let mut reader = las_reader(cloud)?;
+        let mut cut = Cut { points: 0, used: 0, largest_intensity: 0.0 };
+        let mut held: Vec<Vec<u8>> = vec![Vec::new(); self.places.len()];
+        let mut holding = 0;
+        loop {
+            let data = reader.read_points(CHUNK).map_err(|e| Error::las(cloud, &e))?;
+            if data.is_empty() {
+                break;
+            }
+            cut.points += data.len();
+            let times: Vec<f64> = data.gps_time().filter(|_| timed).map_or_else(Vec::new, Iterator::collect);
+            let positions = data.x().zip(data.y()).zip(data.z()).zip(data.intensity());
+            for (i, (((x, y), z), intensity)) in positions.enumerate() {
+                let point_map = self.placement.map_from_cloud(&Point3::new(x, y, z));
+                let place = match times.get(i) {
+                    Some(&time_s) => self.by_time(time_s),
+                    None => Some(self.by_position(&point_map)),
+                };
+                let Some(place) = place else { continue };
+                let point = self.velodyne_from_map[place] * point_map;
+                let range_m = point.coords.norm();
+                if range_m.is_nan() || range_m > self.max_range_m {
+                    continue;
+                }
+                let intensity = f32::from(intensity);
+                cut.largest_intensity = cut.largest_intensity.max(intensity);
+                for value in [point.x as f32, point.y as f32, point.z as f32, intensity] {
+                    held[place].extend(value.to_le_bytes());
+                }
+                cut.used += 1;
+                holding += 1;
+            }
+            if holding >= self.config.held_points {
+                self.put_away(folder, &mut held)?;
+                holding = 0;
+            }
+        }
+        self.put_away(folder, &mut held)?;
+        Ok(cut)
+    }
+
+    /// Appends what is held to the slices on the disk.
+    fn put_away(&self, folder: &Path, held: &mut [Vec<u8>]) -> Result<()> {
+        for (place, bytes) in self.places.iter().zip(held) {
+            if bytes.is_empty() {
+                continue;
+            }
+            let path = folder.join(format!("{place:06}.bin"));
+            let file = OpenOptions::new().create(true).append(true).open(&path);
+            file.and_then(|mut file| file.write_all(bytes)).map_err(common::Error::io(&path))?;
+            *bytes = Vec::new();
+        }
+        Ok(())
+    }
+}
+
+/// Index of the ascending value that is nearest.
+fn nearest(ascending: &[f64], value: f64) -> usize {
+    let after = ascending.partition_point(|v| *v < value).min(ascending.len().saturating_sub(1));
+    let before = after.saturating_sub(1);
+    if (value - ascending[before]).abs() <= (ascending[after] - value).abs() { before } else { after }
+}

@@ -1,0 +1,284 @@
+//! The same scans in every format are the same drive, and what is no scan is
+//! told.
+
+use std::path::{Path, PathBuf};
+
+use common::geometry::Pose;
+use common::kitti::{ScanPoint, write_poses, write_scan};
+use nalgebra::{Point3, Vector3};
+
+use super::formats::ScanFormat;
+use super::*;
+use crate::drive::{Choice, Drive};
+use crate::lidar::LidarConfig;
+
+const ALL: Choice = Choice { every: 1, first: 0, last: usize::MAX };
+
+/// Points in quarters of a metre: exact in all formats.
+fn points() -> Vec<ScanPoint> {
+    let point = |i: i32| ScanPoint {
+        x_m: f32::from((i % 40) as i16 - 20) * 0.25 + 0.125,
+        y_m: f32::from((i / 40) as i16 - 10) * 0.25,
+        z_m: -1.75,
+        reflectance: f32::from((i % 200) as i16),
+    };
+    (0..800).map(point).collect()
+}
+
+fn write_las(path: &Path, points: &[ScanPoint], times_s: Option<&dyn Fn(usize) -> f64>) {
+    let mut builder = las::Builder::from((1, 4));
+    let mut format = las::point::Format::new(6).unwrap();
+    format.is_compressed = path.extension().is_some_and(|e| e == "laz");
+    builder.point_format = format;
+    let mut writer = las::Writer::from_path(path, builder.into_header().unwrap()).unwrap();
+    for (i, p) in points.iter().enumerate() {
+        let point = las::Point {
+            x: p.x_m.into(),
+            y: p.y_m.into(),
+            z: p.z_m.into(),
+            intensity: p.reflectance as u16,
+            return_number: 1,
+            number_of_returns: 1,
+            gps_time: Some(times_s.map_or(0.0, |t| t(i))),
+            ..las::Point::default()
+        };
+        writer.write_point(point).unwrap();
+    }
+    writer.close().unwrap();
+}
+
+fn floats(p: &ScanPoint) -> [f32; 4] {
+    [p.x_m, p.y_m, p.z_m, p.reflectance]
+}
+
+/// A PCD file: `x y z intensity` as floats.
+fn pcd(points: &[ScanPoint], data: &str) -> Vec<u8> {
+    let n = points.len();
+    let mut out = format!(
+        "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\n\
+         WIDTH {n}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {n}\nDATA {data}\n"
+    )
+    .into_bytes();
+    match data {
+        "ascii" => {
+            for p in points {
+                out.extend(format!("{} {} {} {}\n", p.x_m, p.y_m, p.z_m, p.reflectance).bytes());
+            }
+        }
+        "binary" => out.extend(points.iter().flat_map(floats).flat_map(f32::to_le_bytes)),
+        _ => {
+            let columns: Vec<u8> =
+                (0..4).flat_map(|c| points.iter().map(move |p| floats(p)[c])).flat_map(f32::to_le_bytes).collect();
+            // Literals only: a file that any reader of LZF reads.
+            let packed: Vec<u8> =
+                columns.chunks(32).flat_map(|c| std::iter::once(c.len() as u8 - 1).chain(c.iter().copied())).collect();
+            out.extend((packed.len() as u32).to_le_bytes());
+            out.extend((columns.len() as u32).to_le_bytes());
+            out.extend(packed);
+        }
+    }
+    out
+}
+
+fn ply(points: &[ScanPoint], encoding: &str) -> Vec<u8> {
+    let mut out = format!(
+        "ply\nformat {encoding} 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
+         property float scalar_Intensity\nend_header\n",
+        points.len()
+    )
+    .into_bytes();
+    for p in points {
+        match encoding {
+            "ascii" => out.extend(format!("{} {} {} {}\n", p.x_m, p.y_m, p.z_m, p.reflectance).bytes()),
+            "binary_little_endian" => out.extend(floats(p).into_iter().flat_map(f32::to_le_bytes)),
+            _ => out.extend(floats(p).into_iter().flat_map(f32::to_be_bytes)),
+        }
+    }
+    out
+}
+
+/// The points as a file of every kind.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let points = points();
+    let mut all = Vec::new();
+    let mut add = |name: &str, bytes: Vec<u8>| {
+        let path = folder.join(name);
+        std::fs::write(&path, bytes).unwrap();
+        all.push(path);
+    };
+    for data in ["ascii", "binary", "binary_compressed"] {
+        add(&format!("{data}.pcd"), pcd(&points, data));
+    }
+    for encoding in ["ascii", "binary_little_endian", "binary_big_endian"] {
+        add(&format!("{encoding}.ply"), ply(&points, encoding));
+    }
+    for name in ["a.las", "a.laz"] {
+        write_las(&folder.join(name), &points, None);
+        all.push(folder.join(name));
+    }
+    write_scan(folder.join("a.bin"), &points).unwrap();
+    all.push(folder.join("a.bin"));
+    all
+}
+
+fn read(path: &Path) -> Result<Scan> {
+    ScanFormat::of(path).unwrap().read(path, 120.0, LidarConfig::default().elevation_step_rad)
+}
+
+#[test]
+fn a_scan_is_the_same_in_every_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = files(folder.path());
+    let expected = read(&folder.path().join("a.bin")).unwrap();
+    assert_eq!(expected.points.len(), 800);
+    for path in all {
+        assert_eq!(read(&path).unwrap(), expected, "{}", path.display());
+    }
+}
+
+#[test]
+fn a_truncated_scan_is_told_in_one_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    for path in files(folder.path()) {
+        let bytes = std::fs::read(&path).unwrap();
+        for share in [0, 1, 3, 9, 20, 50, 97] {
+            // Within a point: a KITTI scan cut between two is a shorter scan.
+            let cut = (bytes.len() * share / 100) | 1;
+            std::fs::write(&path, &bytes[..cut]).unwrap();
+            let said = read(&path).unwrap_err().to_string();
+            assert!(said.contains(&*path.file_name().unwrap().to_string_lossy()), "{said}");
+            assert!(!said.contains('\n') && (said.contains("again") || said.contains("check")), "{said}");
+        }
+    }
+}
+
+#[test]
+fn what_a_scan_lacks_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = |name: &str, content: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        read(&path).unwrap_err().to_string()
+    };
+    let pcd = String::from_utf8(pcd(&points()[..2], "ascii")).unwrap();
+    let no_z = said("a.pcd", &pcd.replace("x y z", "x y t"));
+    assert!(no_z.contains("FIELDS are `x y t intensity` and lack x, y or z"), "{no_z}");
+    assert!(said("b.pcd", &pcd.replace("SIZE 4 4 4 4", "SIZE 4 4 4")).contains("4, 3, 4 and 4 entries"));
+    assert!(said("c.pcd", &pcd.replace("SIZE 4", "SIZE 3")).contains("field `x` has type F3"));
+    assert!(said("d.pcd", &pcd.replace("DATA ascii", "DATA zip")).contains("DATA `zip` is none of"));
+    let word = said("e.pcd", &pcd.replace("-1.75 1\n", "up 1\n"));
+    assert!(word.contains("line 13: `up` is not a number"), "{word}");
+    let ply = String::from_utf8(ply(&points()[..2], "ascii")).unwrap();
+    assert!(said("a.ply", &ply.replace("float z", "float h")).contains("no properties x, y and z"));
+    assert!(said("b.ply", &ply.replace("vertex 2", "face 2")).contains("not `vertex`"));
+    assert!(said("a.las", "LASX").contains("a.las: it is no whole LAS or LAZ file"));
+}
+
+/// A folder of scans named as `names` say, and a file of poses.
+fn drive_folder(names: &[&str], poses: &str) -> tempfile::TempDir {
+    let root = tempfile::tempdir().unwrap();
+    std::fs::create_dir(root.path().join("scans")).unwrap();
+    for name in names {
+        std::fs::write(root.path().join("scans").join(name), pcd(&points(), "binary")).unwrap();
+    }
+    std::fs::write(root.path().join("poses.txt"), poses).unwrap();
+    root
+}
+
+fn open(root: &Path, frame: SurveyFrame) -> Result<Drive> {
+    let (path, survey) = (root.join("scans"), root.join("poses.txt"));
+    let input = ScanInput { path: &path, survey: &survey, frame, calibration: None, scan_times: None };
+    open_scans(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default())
+}
+
+const TUM: &str = "# t x y z q\n100.0 0 0 0 0 0 0 1\n100.2 2 0 0 0 0 0 1\n100.4 4 1 0.5 0 0 0 1\n";
+
+#[test]
+fn scans_get_the_poses_of_their_times() {
+    let root = drive_folder(&["100.100.pcd", "100.400.pcd", "99.000.pcd"], TUM);
+    let drive = open(root.path(), SurveyFrame::Lidar).unwrap();
+    assert_eq!((drive.frames.len(), drive.times_s.clone()), (2, vec![100.1, 100.4]));
+    // One metre ahead is one metre along z of the map; left is -x, up is -y.
+    assert!((drive.survey[0].translation.vector - Vector3::new(0.0, 0.0, 1.0)).norm() < 1e-9);
+    assert!((drive.survey[1].translation.vector - Vector3::new(-1.0, -0.5, 4.0)).norm() < 1e-9);
+    assert!(drive.notes.iter().any(|n| n.contains("1 scans have no pose")), "{:?}", drive.notes);
+    let scan = drive.read(0, 0.0).unwrap();
+    let on_the_map = drive.survey[0] * drive.camera_from_velodyne * Point3::new(10.0, 2.0, 1.0);
+    assert!((on_the_map - Point3::new(-2.0, -1.0, 11.0)).norm() < 1e-9, "{on_the_map}");
+    // Intensities to 199: of eight bits.
+    assert!(scan.reflectance.iter().all(|r| (0.0..=1.0).contains(r)));
+    assert!(scan.reflectance.iter().any(|r| *r > 0.7));
+}
+
+#[test]
+fn scans_get_the_rows_of_their_numbers() {
+    let root = drive_folder(&["000001.pcd", "000003.pcd"], "");
+    let poses: Vec<Pose> = (0..5).map(|i| Pose::translation(0.0, 0.0, f64::from(i))).collect();
+    write_poses(root.path().join("poses.txt"), &poses).unwrap();
+    let drive = open(root.path(), SurveyFrame::Camera).unwrap();
+    assert_eq!((drive.frames.clone(), drive.survey.len()), (vec![1, 3], 5));
+    assert_eq!(drive.survey, poses);
+    assert!(drive.name().starts_with("scans "));
+}
+
+#[test]
+fn national_coordinates_are_reduced_alike() {
+    let far = TUM.replace(" 0 0 0 0 0 0 1\n100.2 2", " 457123 5428456 0 0 0 0 1\n100.2 457125");
+    let root = drive_folder(&["100.0.pcd"], &far);
+    let drive = open(root.path(), SurveyFrame::Lidar).unwrap();
+    assert!((drive.survey[0].translation.vector - Vector3::new(-8456.0, 0.0, 7123.0)).norm() < 1e-6);
+    assert!(drive.notes.iter().any(|n| n.contains("reduced by (450000, 5420000, 0) m")), "{:?}", drive.notes);
+}
+
+#[test]
+fn a_folder_that_does_not_fit_is_told() {
+    let said = |names: &[&str], poses: &str| {
+        open(drive_folder(names, poses).path(), SurveyFrame::Lidar).unwrap_err().to_string()
+    };
+    assert!(said(&[], TUM).contains("holds no scan; give a folder of .las"));
+    assert!(said(&["a.pcd", "b.ply"], TUM).contains("are of two formats"));
+    assert!(said(&["a.pcd", "b.pcd"], TUM).contains("has 3 poses and"));
+    assert!(said(&["300.5.pcd"], TUM).contains("its poses are from 100.000 to 100.400 s"));
+    assert!(said(&["a.pcd"], "").contains("poses.txt holds no pose"));
+    assert!(said(&["a.pcd"], "1 0 0 nan 0 0 0 1\n").contains("poses.txt:1: `nan` is not a finite number"));
+    assert!(
+        said(&["a.pcd"], "1 0 0 0 0 0 0 1\n0.5 0 0 0 0 0 0 1\n").contains("poses.txt:2: the time 0.5 s is not after")
+    );
+}
+
+#[test]
+fn a_stitched_cloud_is_cut_by_time_or_by_position() {
+    let root = tempfile::tempdir().unwrap();
+    let (cloud, survey) = (root.path().join("cloud.laz"), root.path().join("poses.txt"));
+    let rows: String = (0..9).map(|i| format!("{} {} 0 1.75 0 0 0 1\n", 50 + i, i * 5)).collect();
+    std::fs::write(&survey, rows).unwrap();
+    // Points along the road, each 3 m left of it and level with the lidar.
+    let points: Vec<ScanPoint> = (0..160)
+        .map(|i| ScanPoint { x_m: f32::from(i as i16) * 0.25, y_m: 3.0, z_m: 1.75, reflectance: 40_000.0 })
+        .collect();
+    let choice = Choice { every: 4, ..ALL };
+    let open = |times: &dyn Fn(usize) -> f64| {
+        write_las(&cloud, &points, Some(times));
+        let input =
+            ScanInput { path: &cloud, survey: &survey, frame: SurveyFrame::Lidar, calibration: None, scan_times: None };
+        let config = InputConfig { held_points: 50, longest_gap_s: 1.0, ..InputConfig::default() };
+        open_stitched(&input, choice, 120.0, &config, &LidarConfig::default()).unwrap()
+    };
+    let seen = |drive: &Drive| -> Vec<usize> {
+        drive.frames.iter().map(|f| drive.read(*f, 0.0).unwrap().points.len()).collect()
+    };
+    let by_time = open(&|_| 54.2);
+    assert_eq!((by_time.frames.clone(), seen(&by_time)), (vec![0, 4, 8], vec![0, 160, 0]));
+    assert!(!by_time.has_single_scans() && by_time.notes.iter().any(|n| n.contains("cut by time")));
+    let by_position = open(&|_| 0.0);
+    assert_eq!(seen(&by_position), [41, 80, 39]);
+    let scan = by_position.read(4, 0.0).unwrap();
+    assert!(scan.points.iter().all(|p| (p.y - 3.0).abs() < 1e-3 && p.z.abs() < 1e-3 && p.x.abs() < 10.1));
+    assert!((scan.reflectance[0] - 40_000.0 / 65_535.0).abs() < 1e-6);
+    std::fs::write(&survey, "1 9000 0 0 0 0 0 1\n2 9001 0 0 0 0 0 1\n").unwrap();
+    let input =
+        ScanInput { path: &cloud, survey: &survey, frame: SurveyFrame::Lidar, calibration: None, scan_times: None };
+    let said =
+        open_stitched(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default()).unwrap_err().to_string();
+    assert!(said.contains("none of its 160 points is near the poses of"), "{said}");
+}

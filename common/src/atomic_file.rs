@@ -3,6 +3,7 @@
 //! The bytes go to a temporary file in the same folder, to the disk, and then
 //! under the name: whoever opens the name sees the old content or the new one.
 
+use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
@@ -28,11 +29,20 @@ pub fn write_with<E: From<Error>>(
     path: impl AsRef<Path>,
     content: impl FnOnce(&mut dyn Write) -> std::result::Result<(), E>,
 ) -> std::result::Result<(), E> {
+    write_seek_with(path, |out| content(out))
+}
+
+/// As [`write_with`], for content that goes back to fill in what was not known
+/// at first.
+///
+/// # Errors
+/// As [`write_with`].
+pub fn write_seek_with<E: From<Error>>(
+    path: impl AsRef<Path>,
+    content: impl FnOnce(&mut BufWriter<&mut File>) -> std::result::Result<(), E>,
+) -> std::result::Result<(), E> {
     let path = path.as_ref();
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
+    let folder = folder_of(path);
     if !folder.is_dir() {
         let (path, folder) = (path.to_path_buf(), folder.to_path_buf());
         return Err(Error::MissingFolder { path, folder }.into());
@@ -49,6 +59,14 @@ pub fn write_with<E: From<Error>>(
     file.as_file().sync_all().map_err(Error::io(path))?;
     file.persist(path).map_err(|failed| Error::io(path)(failed.error))?;
     Ok(())
+}
+
+/// The folder that a file is, or would be, in.
+pub(crate) fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
 }
 
 /// Temporary files are private by default; ours become results, so they get

@@ -249,6 +249,59 @@ pub enum Error {
         /// Which item, why, and what to do.
         what: String,
     },
+    /// Bytes that are no atlas at all.
+    #[error("this is no Waymark atlas (it does not begin with `CSA`); give a .csa file")]
+    NotAnAtlas,
+    /// An atlas of another version of the format.
+    #[error(
+        "this atlas has format version {found}, and this program reads version {supported}; make it again with this program, or use the program that made it"
+    )]
+    AtlasVersion {
+        /// The version that stands in the file.
+        found: u8,
+        /// The version that this program reads.
+        supported: u8,
+    },
+    /// An atlas that ends too early or too late.
+    #[error(
+        "this atlas should have {expected} bytes and has {found}: it was cut off or something was added; copy it again"
+    )]
+    AtlasLength {
+        /// The length that stands in the header, bytes.
+        expected: u64,
+        /// The length that there is, bytes.
+        found: u64,
+    },
+    /// A part of an atlas of which some bytes changed.
+    #[error(
+        "this atlas is damaged: the checksum of its {part} at byte {at} is {found:08x} and should be {expected:08x}; copy it again"
+    )]
+    AtlasChecksum {
+        /// Which part.
+        part: &'static str,
+        /// Where it begins.
+        at: u64,
+        /// The checksum that it should have.
+        expected: u32,
+        /// The checksum of what is there.
+        found: u32,
+    },
+    /// A part of an atlas whose checksum is right and whose content is not.
+    #[error("this atlas is malformed: its {part} at byte {at} {what}; it was written by a faulty program, so make it again")]
+    AtlasMalformed {
+        /// Which part.
+        part: &'static str,
+        /// Where it begins.
+        at: u64,
+        /// What is wrong.
+        what: String,
+    },
+    /// An atlas that cannot be stored.
+    #[error("the atlas cannot be made: {what}")]
+    AtlasUnencodable {
+        /// Why, and what to do.
+        what: String,
+    },
     /// Any of the above, with the file in which it happened.
     #[error("{}: {error}", path.display())]
     InFile {

@@ -6,6 +6,7 @@
 //! beside this crate's manifest describes every byte.
 
 mod ascii;
+pub mod atlas;
 mod bounds;
 mod decode;
 mod encode;

@@ -287,7 +287,9 @@ pub enum Error {
         found: u32,
     },
     /// A part of an atlas whose checksum is right and whose content is not.
-    #[error("this atlas is malformed: its {part} at byte {at} {what}; it was written by a faulty program, so make it again")]
+    #[error(
+        "this atlas is malformed: its {part} at byte {at} {what}; it was written by a faulty program, so make it again"
+    )]
     AtlasMalformed {
         /// Which part.
         part: &'static str,

@@ -7,6 +7,7 @@ use crate::associate::paper::PaperConfig;
 use crate::associate::robust::RobustConfig;
 use crate::filter::MotionConfig;
 use crate::gps::GpsConfig;
+use crate::local_map::LocalMapConfig;
 use crate::measurement::NoiseConfig;
 use crate::preselect::PreselectConfig;
 use crate::solver::SolverConfig;
@@ -44,4 +45,6 @@ pub struct Config {
     pub health: HealthConfig,
     /// GPS fixes.
     pub gps: GpsConfig,
+    /// What of an atlas is held in memory.
+    pub local_map: LocalMapConfig,
 }

@@ -16,6 +16,7 @@ pub mod eval;
 pub mod features;
 pub mod filter;
 pub mod gps;
+pub mod local_map;
 pub mod measurement;
 pub mod output;
 pub mod overlay;

@@ -2,23 +2,22 @@
 //! velocity after, each frame by [`crate::associate::paper`].
 
 use common::geometry::{PinholeCamera, Pose, local, retract};
-use common::map::SemanticMap;
 
+use crate::Result;
 use crate::associate::paper::{PaperScene, associate_and_localize};
 use crate::config::Config;
 use crate::estimate::{PoseEstimate, Status};
+use crate::local_map::LocalMap;
 use crate::prepare::Prepared;
 use crate::preselect::{Candidates, Lookup, PreselectConfig, Reach};
 use crate::projection::ImageSize;
-use crate::road_index::RoadIndex;
 use crate::start::Rough;
 use crate::tracker::FrameInput;
 
 /// The paper's localizer of one drive.
 #[derive(Debug)]
 pub struct PaperTracker<'a> {
-    map: &'a SemanticMap,
-    index: &'a RoadIndex,
+    map: &'a mut LocalMap,
     camera: PinholeCamera,
     image: ImageSize,
     config: Config,
@@ -31,20 +30,13 @@ pub struct PaperTracker<'a> {
 
 impl<'a> PaperTracker<'a> {
     /// A localizer that knows nothing of its position yet.
-    pub fn new(
-        map: &'a SemanticMap,
-        index: &'a RoadIndex,
-        camera: &PinholeCamera,
-        image: ImageSize,
-        config: &Config,
-    ) -> Self {
+    pub fn new(map: &'a mut LocalMap, camera: &PinholeCamera, image: ImageSize, config: &Config) -> Self {
         let mut config = config.clone();
         // Lane lines 5 to 20 m ahead, whatever the default method uses.
         let paper = PreselectConfig { lane_near_m: 5.0, lane_far_m: 20.0, ..config.preselect };
         config.preselect = paper;
         Self {
             map,
-            index,
             camera: *camera,
             image,
             config,
@@ -56,21 +48,19 @@ impl<'a> PaperTracker<'a> {
     }
 
     /// The pose at the next frame; none before the first GPS fix.
-    pub fn step(&mut self, input: &FrameInput<'_>) -> Option<PoseEstimate> {
+    ///
+    /// # Errors
+    /// Where the map cannot be read; only a map in memory cannot fail.
+    pub fn step(&mut self, input: &FrameInput<'_>) -> Result<Option<PoseEstimate>> {
+        self.map.next_frame()?;
         self.prepared.fill(input.features);
         let is_start = self.past.len() < 2;
-        let predicted = self.predict(input)?;
-        let lookup = Lookup {
-            map: self.map,
-            index: self.index,
-            camera: &self.camera,
-            image: self.image,
-            config: &self.config.preselect,
-        };
+        let Some(predicted) = self.predict(input)? else { return Ok(None) };
+        let lookup = Lookup { map: self.map, camera: &self.camera, image: self.image, config: &self.config.preselect };
         let paper = if is_start { self.config.paper.at_start() } else { self.config.paper };
         // D5 says how far from the prediction the pose may be.
         let reach = Reach { position_m: paper.d5_m, angle_rad: 0.1 };
-        lookup.select(&predicted, &reach, &mut self.candidates);
+        lookup.select(&predicted, &reach, &mut self.candidates)?;
         let scene = PaperScene {
             camera: &self.camera,
             features: &self.prepared,
@@ -81,7 +71,7 @@ impl<'a> PaperTracker<'a> {
         self.frames += 1;
         self.past.insert(0, result.map_from_camera);
         self.past.truncate(2);
-        Some(PoseEstimate {
+        Ok(Some(PoseEstimate {
             map_from_camera: result.map_from_camera,
             covariance: result.covariance,
             correspondences: result.correspondences,
@@ -92,17 +82,17 @@ impl<'a> PaperTracker<'a> {
             status: if result.accepted { Status::Ok } else { Status::Degraded },
             support: 0.0,
             margin: 0.0,
-        })
+        }))
     }
 
     /// The GPS fix for the first two frames, then `2 p1 - p2`.
-    fn predict(&mut self, input: &FrameInput<'_>) -> Option<Pose> {
+    fn predict(&mut self, input: &FrameInput<'_>) -> Result<Option<Pose>> {
         if let [last, before] = self.past[..] {
             // Through the tangent, so that the rotation stays one.
-            return Some(retract(&last, &local(&before, &last)));
+            return Ok(Some(retract(&last, &local(&before, &last))));
         }
-        let Some(fix) = input.gps else { return self.past.first().copied() };
-        self.index.roads_near(&fix.position_map, self.config.start.path_reach_m, &mut self.candidates.roads);
+        let Some(fix) = input.gps else { return Ok(self.past.first().copied()) };
+        self.map.roads_near(&fix.position_map, self.config.start.path_reach_m, &mut self.candidates.roads)?;
         let rough = Rough::from_fix(
             self.map,
             &self.candidates.roads,
@@ -111,7 +101,7 @@ impl<'a> PaperTracker<'a> {
             fix.heading,
             &self.config.start,
         );
-        Some(rough.map_from_camera)
+        Ok(Some(rough.map_from_camera))
     }
 }
 
@@ -124,15 +114,15 @@ mod tests {
     #[test]
     fn a_clear_street_is_followed_from_good_fixes() {
         let world = World::new(Recipe { missed: 0.1, false_poles: 1, length_m: 120.0, ..Recipe::default() });
-        let index = RoadIndex::new(&world.map);
+        let mut map = LocalMap::whole(world.map.clone());
         let gps = GpsConfig { horizontal_sigma_m: 0.1, heading_sigma_deg: 0.2, ..GpsConfig::default() };
         let fixes = simulate(&world.truth[..2], &gps, 4);
-        let mut tracker = PaperTracker::new(&world.map, &index, &world.camera, IMAGE, &Config::default());
+        let mut tracker = PaperTracker::new(&mut map, &world.camera, IMAGE, &Config::default());
         let mut squares = Vec::new();
         for frame in 0..world.truth.len() {
             let features = world.features(frame);
             let input = FrameInput { time_s: time_s(frame), features: &features, gps: fixes.get(frame) };
-            let estimate = tracker.step(&input).unwrap();
+            let estimate = tracker.step(&input).unwrap().unwrap();
             squares.push(local(&world.truth[frame], &estimate.map_from_camera).fixed_rows::<3>(0).norm_squared());
         }
         let rms_m = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
@@ -142,12 +132,12 @@ mod tests {
     #[test]
     fn without_a_fix_there_is_no_pose_and_without_features_the_prediction() {
         let world = World::new(Recipe { length_m: 40.0, ..Recipe::default() });
-        let index = RoadIndex::new(&world.map);
-        let mut tracker = PaperTracker::new(&world.map, &index, &world.camera, IMAGE, &Config::default());
+        let mut map = LocalMap::whole(world.map.clone());
+        let mut tracker = PaperTracker::new(&mut map, &world.camera, IMAGE, &Config::default());
         let blank = crate::features::Features::default();
-        assert!(tracker.step(&FrameInput { time_s: 0.0, features: &blank, gps: None }).is_none());
+        assert!(tracker.step(&FrameInput { time_s: 0.0, features: &blank, gps: None }).unwrap().is_none());
         let fix = crate::gps::GpsFix::from_pose(&world.truth[0], &GpsConfig::default());
-        let estimate = tracker.step(&FrameInput { time_s: 0.0, features: &blank, gps: Some(&fix) }).unwrap();
+        let estimate = tracker.step(&FrameInput { time_s: 0.0, features: &blank, gps: Some(&fix) }).unwrap().unwrap();
         assert_eq!(estimate.status, Status::Degraded);
         assert!(estimate.correspondences.is_empty());
     }

@@ -1,12 +1,13 @@
 //! Section IV.A: the landmarks that a camera near a predicted pose may see.
 
 use common::geometry::{PinholeCamera, Pose};
-use common::map::{PoleKind, SemanticMap};
+use common::map::PoleKind;
 use nalgebra::{Matrix6, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use crate::Result;
+use crate::local_map::{LocalMap, RoadKey};
 use crate::projection::{ImageSize, NEAR_M, View};
-use crate::road_index::RoadIndex;
 
 /// Settings of the preselection.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -37,7 +38,7 @@ impl Default for PreselectConfig {
 /// A pole that may be seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoleCandidate {
-    /// Index into the map's poles.
+    /// Number among the map's poles.
     pub index: usize,
     /// What it is.
     pub kind: PoleKind,
@@ -50,7 +51,7 @@ pub struct PoleCandidate {
 /// A sign that may be seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SignCandidate {
-    /// Index into the map's signs.
+    /// Number among the map's signs.
     pub index: usize,
     /// What it is.
     pub kind: common::map::SignKind,
@@ -63,7 +64,7 @@ pub struct SignCandidate {
 /// The part of a lane line that may be seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LaneCandidate {
-    /// Index into the map's lane lines.
+    /// Number among the map's lane lines.
     pub index: usize,
     /// How it is painted.
     pub kind: common::map::LaneKind,
@@ -84,8 +85,8 @@ pub struct Candidates {
     pub lanes: Vec<LaneCandidate>,
     /// Vertices of all lane candidates, map frame, metres.
     pub lane_points_map: Vec<Point3<f64>>,
-    /// The road stretches near the pose, ascending.
-    pub roads: Vec<u32>,
+    /// The road stretches near the pose, in the order of the map.
+    pub roads: Vec<RoadKey>,
 }
 
 /// How far around the predicted pose the true one may be.
@@ -105,13 +106,11 @@ impl Reach {
     }
 }
 
-/// The map with its index: what preselection looks up.
-#[derive(Debug, Clone, Copy)]
+/// What preselection looks up.
+#[derive(Debug)]
 pub struct Lookup<'a> {
     /// The map.
-    pub map: &'a SemanticMap,
-    /// Its roads.
-    pub index: &'a RoadIndex,
+    pub map: &'a mut LocalMap,
     /// The camera.
     pub camera: &'a PinholeCamera,
     /// Its image.
@@ -123,29 +122,30 @@ pub struct Lookup<'a> {
 impl Lookup<'_> {
     /// Fills `out` with the landmarks that a camera within `reach` of
     /// `map_from_camera` may see.
-    pub fn select(&self, map_from_camera: &Pose, reach: &Reach, out: &mut Candidates) {
+    ///
+    /// # Errors
+    /// As [`LocalMap::roads_near`].
+    pub fn select(self, map_from_camera: &Pose, reach: &Reach, out: &mut Candidates) -> Result<()> {
         let position = Point3::from(map_from_camera.translation.vector);
         let view = View::new(self.camera, map_from_camera);
         out.poles.clear();
         out.signs.clear();
         out.lanes.clear();
         out.lane_points_map.clear();
-        self.index.roads_near(&position, self.config.max_distance_m + reach.position_m, &mut out.roads);
+        self.map.roads_near(&position, self.config.max_distance_m + reach.position_m, &mut out.roads)?;
         for i in 0..out.roads.len() {
             let road = out.roads[i];
             self.select_poles(road, &view, reach, out);
             self.select_signs(road, &view, reach, out);
-            for &index in self.index.lanes(road) {
-                if let Some(lane) = self.map.lanes.get(index) {
-                    self.cut_lane(index, lane, &view, reach, out);
-                }
+            for (index, lane) in self.map.lanes(road) {
+                self.cut_lane(index, lane, &view, reach, out);
             }
         }
+        Ok(())
     }
 
-    fn select_poles(&self, road: u32, view: &View, reach: &Reach, out: &mut Candidates) {
-        for &index in self.index.poles(road) {
-            let Some(pole) = self.map.poles.get(index) else { continue };
+    fn select_poles(&self, road: RoadKey, view: &View, reach: &Reach, out: &mut Candidates) {
+        for (index, pole) in self.map.poles(road) {
             if pole.kind == PoleKind::Trunk && !self.config.use_trunks {
                 continue;
             }
@@ -166,9 +166,8 @@ impl Lookup<'_> {
         }
     }
 
-    fn select_signs(&self, road: u32, view: &View, reach: &Reach, out: &mut Candidates) {
-        for &index in self.index.signs(road) {
-            let Some(sign) = self.map.signs.get(index) else { continue };
+    fn select_signs(&self, road: RoadKey, view: &View, reach: &Reach, out: &mut Candidates) {
+        for (index, sign) in self.map.signs(road) {
             let p = view.to_camera(&sign.centroid_map);
             if self.is_big_enough(&p, sign.size_m, reach) && self.may_be_in_image(&p, reach) {
                 out.signs.push(SignCandidate {
@@ -257,7 +256,7 @@ mod tests {
     use super::*;
     use crate::projection::tests::camera;
     use common::geometry::PoseParameters;
-    use common::map::{LaneKind, LaneLine, Pole, Road, RoadId, Sign, SignKind};
+    use common::map::{LaneKind, LaneLine, Pole, Road, RoadId, SemanticMap, Sign, SignKind};
 
     const IMAGE: ImageSize = ImageSize { width_px: 1226.0, height_px: 370.0 };
     const NONE: Reach = Reach { position_m: 0.0, angle_rad: 0.0 };
@@ -296,10 +295,9 @@ mod tests {
     }
 
     fn select(reach: &Reach, config: &PreselectConfig) -> Candidates {
-        let map = map();
-        let lookup = Lookup { map: &map, index: &RoadIndex::new(&map), camera: &camera(), image: IMAGE, config };
+        let lookup = Lookup { map: &mut LocalMap::whole(map()), camera: &camera(), image: IMAGE, config };
         let mut out = Candidates::default();
-        lookup.select(&Pose::identity(), reach, &mut out);
+        lookup.select(&Pose::identity(), reach, &mut out).unwrap();
         out
     }
 
@@ -334,10 +332,8 @@ mod tests {
 
     #[test]
     fn a_camera_that_looks_away_sees_nothing() {
-        let map = map();
         let lookup = Lookup {
-            map: &map,
-            index: &RoadIndex::new(&map),
+            map: &mut LocalMap::whole(map()),
             camera: &camera(),
             image: IMAGE,
             config: &PreselectConfig::default(),
@@ -345,7 +341,7 @@ mod tests {
         let pose =
             PoseParameters { x_m: 0.0, y_m: 0.0, z_m: 0.0, yaw_rad: 1.57, pitch_rad: 0.0, roll_rad: 0.0 }.to_pose();
         let mut out = Candidates::default();
-        lookup.select(&pose, &NONE, &mut out);
+        lookup.select(&pose, &NONE, &mut out).unwrap();
         assert!(out.poles.iter().all(|p| p.index == 2));
     }
 }

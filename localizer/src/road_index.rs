@@ -1,5 +1,4 @@
-//! Where on the map the camera is: road stretches near a position, and the
-//! landmarks that belong to them.
+//! Which roads of a map pass a place, and which landmarks belong to them.
 //!
 //! A query costs the same on a map of any length: stretches are found through
 //! a sorted grid of the survey's path, landmarks through their road.
@@ -9,16 +8,6 @@ use nalgebra::{Point3, Vector3};
 
 /// Side of a grid cell, metres: about the length of a road stretch.
 const CELL_M: f64 = 50.0;
-
-/// The survey's path near a position.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PathPlace {
-    /// The nearest point of the path, map frame, metres: where the survey's
-    /// camera was.
-    pub point_map: Point3<f64>,
-    /// Unit direction in which the survey drove there.
-    pub forward_map: Vector3<f64>,
-}
 
 /// Landmarks by road, roads by place.
 #[derive(Debug, Clone, Default)]
@@ -55,6 +44,27 @@ fn cell(point: &Point3<f64>) -> (i32, i32) {
     ((point.x / CELL_M).floor() as i32, (point.z / CELL_M).floor() as i32)
 }
 
+/// A rectangle of whole grid cells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cells {
+    low: (i32, i32),
+    high: (i32, i32),
+}
+
+impl Cells {
+    /// The cells that come within `reach_m` of a position, to each side.
+    pub fn around(position_map: &Point3<f64>, reach_m: f64) -> Self {
+        let reach = Vector3::repeat(reach_m);
+        Self { low: cell(&(position_map - reach)), high: cell(&(position_map + reach)) }
+    }
+
+    /// Smallest x and z, largest x and z, metres.
+    pub fn corners_m(&self) -> ([f64; 2], [f64; 2]) {
+        let edge = |index: i32, beyond: f64| (f64::from(index) + beyond) * CELL_M;
+        ([edge(self.low.0, 0.0), edge(self.low.1, 0.0)], [edge(self.high.0, 1.0), edge(self.high.1, 1.0)])
+    }
+}
+
 impl RoadIndex {
     /// Indexes a map.
     pub fn new(map: &SemanticMap) -> Self {
@@ -79,19 +89,18 @@ impl RoadIndex {
         }
     }
 
-    /// Fills `roads` with the stretches that pass within about `reach_m` of
-    /// the position (whole cells), ascending.
-    pub fn roads_near(&self, position_map: &Point3<f64>, reach_m: f64, roads: &mut Vec<u32>) {
-        roads.clear();
-        let reach = Vector3::repeat(reach_m);
-        let (low, high) = (cell(&(position_map - reach)), cell(&(position_map + reach)));
-        for x in low.0..=high.0 {
+    /// The stretches that pass through these cells, in no order, some of them
+    /// several times.
+    pub fn roads_in(&self, cells: &Cells) -> impl Iterator<Item = u32> {
+        let (low, high) = (cells.low, cells.high);
+        // No column without any road is looked at, however wide the query.
+        let ends = self.cells.first().zip(self.cells.last());
+        let (first, last) = ends.map_or((0, -1), |(first, last)| (low.0.max(first.0.0), high.0.min(last.0.0)));
+        (first..=last).flat_map(move |x| {
             let start = self.cells.partition_point(|&(c, _)| c < (x, low.1));
-            let column = self.cells[start..].iter().take_while(|&&(c, _)| c <= (x, high.1));
-            roads.extend(column.map(|&(_, road)| road));
-        }
-        roads.sort_unstable();
-        roads.dedup();
+            let column = self.cells.get(start..).unwrap_or(&[]);
+            column.iter().take_while(move |&&(c, _)| c <= (x, high.1)).map(|&(_, road)| road)
+        })
     }
 
     /// Poles of a road, as indices into the map.
@@ -107,72 +116,5 @@ impl RoadIndex {
     /// Signs of a road, as indices into the map.
     pub fn signs(&self, road: u32) -> &[usize] {
         self.signs.of(road)
-    }
-}
-
-/// The place on the paths of `roads` that is nearest to a position in the
-/// horizontal plane; none where no path has two distinct points.
-pub fn nearest_path(map: &SemanticMap, roads: &[u32], position_map: &Point3<f64>) -> Option<PathPlace> {
-    let mut best: Option<(f64, PathPlace)> = None;
-    let stretches = roads.iter().filter_map(|&road| map.roads.get(road as usize));
-    for ends in stretches.flat_map(|stretch| stretch.path_map.windows(2)) {
-        let along = ends[1] - ends[0];
-        let length2 = along.x * along.x + along.z * along.z;
-        let Some(forward_map) = along.try_normalize(1e-6).filter(|_| length2 > 1e-12) else { continue };
-        let to = position_map - ends[0];
-        let fraction = ((to.x * along.x + to.z * along.z) / length2).clamp(0.0, 1.0);
-        let point_map = ends[0] + along * fraction;
-        let off = position_map - point_map;
-        let distance2 = off.x * off.x + off.z * off.z;
-        if best.as_ref().is_none_or(|(least, _)| distance2 < *least) {
-            best = Some((distance2, PathPlace { point_map, forward_map }));
-        }
-    }
-    best.map(|(_, place)| place)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use common::map::{Pole, PoleKind, Road, RoadId};
-
-    fn two_roads() -> SemanticMap {
-        let pole = |z: f64, road| Pole {
-            kind: PoleKind::LampPost,
-            foot_map: Point3::new(5.0, 1.6, z),
-            top_map: Point3::new(5.0, -6.0, z),
-            road: RoadId(road),
-        };
-        SemanticMap {
-            roads: vec![
-                Road { path_map: vec![Point3::new(0.0, 0.0, 0.0), Point3::new(0.0, -2.0, 200.0)] },
-                Road { path_map: vec![Point3::new(0.0, -2.0, 200.0), Point3::new(0.0, 0.0, 900.0)] },
-            ],
-            poles: vec![pole(300.0, 1), pole(10.0, 0), pole(20.0, 0)],
-            ..SemanticMap::default()
-        }
-    }
-
-    #[test]
-    fn only_near_roads_are_found_and_their_landmarks() {
-        let index = RoadIndex::new(&two_roads());
-        let mut roads = vec![7];
-        index.roads_near(&Point3::new(3.0, 0.0, 20.0), 40.0, &mut roads);
-        assert_eq!(roads, [0]);
-        assert_eq!(index.poles(0), [1, 2]);
-        // No vertex of road 1 is near here, but its edge is.
-        index.roads_near(&Point3::new(3.0, 0.0, 600.0), 40.0, &mut roads);
-        assert_eq!(roads, [1]);
-        index.roads_near(&Point3::new(5e4, 0.0, 600.0), 40.0, &mut roads);
-        assert!(roads.is_empty());
-        assert!(index.poles(99).is_empty());
-    }
-
-    #[test]
-    fn the_path_gives_height_and_direction() {
-        let place = nearest_path(&two_roads(), &[0, 1], &Point3::new(4.0, 9.0, 100.0)).unwrap();
-        assert!((place.point_map - Point3::new(0.0, -1.0, 100.0)).norm() < 1e-9);
-        assert!(place.forward_map.z > 0.99 && place.forward_map.y < 0.0);
-        assert!(nearest_path(&two_roads(), &[], &Point3::origin()).is_none());
     }
 }

@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use common::geometry::PinholeCamera;
-use common::map::SemanticMap;
 
+use crate::Result;
 use crate::config::Config;
 use crate::estimate::PoseEstimate;
 use crate::features::Features;
 use crate::gps::GpsFix;
+use crate::local_map::LocalMap;
 use crate::paper_tracker::PaperTracker;
 use crate::projection::ImageSize;
-use crate::road_index::RoadIndex;
 use crate::tracker::{FrameInput, Tracker};
 
 /// How a frame is localized.
@@ -37,20 +37,22 @@ impl<'a> Localizer<'a> {
     /// A localizer that knows nothing of its position yet.
     pub fn new(
         method: Method,
-        map: &'a SemanticMap,
-        index: &'a RoadIndex,
+        map: &'a mut LocalMap,
         camera: &PinholeCamera,
         image: ImageSize,
         config: &Config,
     ) -> Self {
         match method {
-            Method::Robust => Self::Robust(Box::new(Tracker::new(map, index, camera, image, config))),
-            Method::Paper => Self::Paper(Box::new(PaperTracker::new(map, index, camera, image, config))),
+            Method::Robust => Self::Robust(Box::new(Tracker::new(map, camera, image, config))),
+            Method::Paper => Self::Paper(Box::new(PaperTracker::new(map, camera, image, config))),
         }
     }
 
     /// The pose at the next frame; none before the first GPS fix.
-    pub fn step(&mut self, input: &FrameInput<'_>) -> Option<PoseEstimate> {
+    ///
+    /// # Errors
+    /// Where the map cannot be read; only a map in memory cannot fail.
+    pub fn step(&mut self, input: &FrameInput<'_>) -> Result<Option<PoseEstimate>> {
         match self {
             Self::Robust(tracker) => tracker.step(input),
             Self::Paper(tracker) => tracker.step(input),
@@ -93,17 +95,20 @@ pub struct FrameFeatures {
 }
 
 /// Localizes the frames in order. Frames before the first fix give nothing.
+///
+/// # Errors
+/// Where the map cannot be read; only a map in memory cannot fail.
 pub fn localize(
     frames: &[FrameFeatures],
     fixes: &BTreeMap<usize, GpsFix>,
     mut localizer: Localizer<'_>,
-) -> Vec<FrameResult> {
-    let step = |seen: &FrameFeatures| {
+) -> Result<Vec<FrameResult>> {
+    let mut step = |seen: &FrameFeatures| -> Result<Option<FrameResult>> {
         let started = Instant::now();
         let input = FrameInput { time_s: seen.time_s, features: &seen.features, gps: fixes.get(&seen.frame) };
-        let estimate = localizer.step(&input)?;
+        let Some(estimate) = localizer.step(&input)? else { return Ok(None) };
         let features = &seen.features;
-        Some(FrameResult {
+        Ok(Some(FrameResult {
             frame: seen.frame,
             time_s: seen.time_s,
             estimate,
@@ -111,7 +116,7 @@ pub fn localize(
             maps_ms: seen.maps_ms,
             features_ms: seen.features_ms,
             localize_ms: started.elapsed().as_secs_f64() * 1e3,
-        })
+        }))
     };
-    frames.iter().filter_map(step).collect()
+    frames.iter().filter_map(|seen| step(seen).transpose()).collect()
 }

@@ -10,13 +10,12 @@
 use std::f64::consts::FRAC_PI_2;
 
 use common::geometry::{Pose, PoseParameters, local};
-use common::map::SemanticMap;
 use nalgebra::{Matrix6, Point3, Vector6};
 use serde::{Deserialize, Serialize};
 
 use crate::associate::matching::Scene;
 use crate::associate::robust::{Associator, Refined, RobustConfig};
-use crate::road_index::{PathPlace, nearest_path};
+use crate::local_map::{LocalMap, PathPlace, RoadKey};
 use crate::solver::{Prior, SolverConfig};
 
 /// Settings of the search.
@@ -84,8 +83,8 @@ impl Rough {
     /// down axis), with their standard deviations; the rest from the survey's
     /// path where one is near, else from the position itself.
     pub fn from_fix(
-        map: &SemanticMap,
-        roads: &[u32],
+        map: &LocalMap,
+        roads: &[RoadKey],
         position_map: &Point3<f64>,
         horizontal_sigma_m: f64,
         heading: Option<(f64, f64)>,
@@ -95,7 +94,7 @@ impl Rough {
             let off = position_map - place.point_map;
             off.x.hypot(off.z) <= config.path_reach_m
         };
-        let place = nearest_path(map, roads, position_map).filter(near);
+        let place = map.nearest_path(roads, position_map).filter(near);
         let (yaw_rad, yaw_sigma_rad) = heading.unwrap_or_else(|| {
             let along = place.map_or(0.0, |p| p.forward_map.x.atan2(p.forward_map.z));
             (along, if place.is_some() { config.path_heading_sigma_rad } else { FRAC_PI_2 })
@@ -256,11 +255,13 @@ mod tests {
     use crate::measurement::NoiseConfig;
     use crate::prepare::Prepared;
     use crate::preselect::{Candidates, Lookup, PreselectConfig, Reach};
-    use crate::road_index::RoadIndex;
     use crate::testing::{IMAGE, Recipe, World};
 
-    fn roads(map: &SemanticMap) -> Vec<u32> {
-        (0..map.roads.len() as u32).collect()
+    /// The map with all its roads.
+    fn everywhere(world: &World) -> (LocalMap, Vec<RoadKey>) {
+        let (mut map, mut roads) = (LocalMap::whole(world.map.clone()), Vec::new());
+        map.roads_near(&Point3::origin(), 1e5, &mut roads).unwrap();
+        (map, roads)
     }
 
     #[test]
@@ -271,7 +272,8 @@ mod tests {
         let mut position = Point3::from(truth.translation.vector);
         let yaw_rad = PoseParameters::from_pose(&truth).yaw_rad;
         position.y += 30.0;
-        let rough = |heading| Rough::from_fix(&world.map, &roads(&world.map), &position, 1.5, heading, &config);
+        let (map, roads) = everywhere(&world);
+        let rough = |heading| Rough::from_fix(&map, &roads, &position, 1.5, heading, &config);
         let along = rough(Some((yaw_rad, 0.03)));
         let off = local(&truth, &along.map_from_camera);
         assert!(off[1].abs() < 0.1 && off[3].abs() < 0.02, "{off}");
@@ -288,7 +290,8 @@ mod tests {
     fn far_from_every_path_the_height_is_that_of_the_fix() {
         let world = World::new(Recipe::default());
         let position = Point3::new(500.0, 12.0, 0.0);
-        let rough = Rough::from_fix(&world.map, &roads(&world.map), &position, 1.5, None, &StartConfig::default());
+        let (map, roads) = everywhere(&world);
+        let rough = Rough::from_fix(&map, &roads, &position, 1.5, None, &StartConfig::default());
         assert!((rough.map_from_camera.translation.y - 12.0).abs() < 1e-9);
         assert!(rough.sigmas[1] > 1.5 && rough.sigmas[4] > 1.0);
     }
@@ -296,16 +299,17 @@ mod tests {
     #[test]
     fn the_search_finds_the_pose_metres_and_degrees_off() {
         let world = World::new(Recipe { missed: 0.1, ..Recipe::default() });
-        let (index, preselect) = (RoadIndex::new(&world.map), PreselectConfig::default());
+        let (mut map, preselect) = (LocalMap::whole(world.map.clone()), PreselectConfig::default());
         let (noise, detection) = (NoiseConfig::default(), DetectionConfig::default());
-        let lookup = Lookup { map: &world.map, index: &index, camera: &world.camera, image: IMAGE, config: &preselect };
         for frame in [60, 150] {
             let truth = world.truth[frame];
             let off = Vector6::new(2.5, 0.1, -3.0, 0.01, 0.12, 0.0);
             let sigmas = Vector6::new(3.5, 0.15, 3.5, 0.026, 0.15, 0.026);
             let rough = Rough { map_from_camera: common::geometry::retract(&truth, &off), sigmas };
             let mut candidates = Candidates::default();
-            lookup.select(&rough.map_from_camera, &Reach { position_m: 12.0, angle_rad: 0.4 }, &mut candidates);
+            let lookup = Lookup { map: &mut map, camera: &world.camera, image: IMAGE, config: &preselect };
+            let reach = Reach { position_m: 12.0, angle_rad: 0.4 };
+            lookup.select(&rough.map_from_camera, &reach, &mut candidates).unwrap();
             let mut features = Prepared::default();
             features.fill(&world.features(frame));
             let scene = Scene {

@@ -15,9 +15,9 @@ pub use hypothesis::BankConfig;
 pub use rivals::RivalConfig;
 
 use common::geometry::{PinholeCamera, Pose, Tangent, local};
-use common::map::SemanticMap;
 use nalgebra::{Matrix6, Vector6};
 
+use crate::Result;
 use crate::associate::matching::Scene;
 use crate::associate::robust::Associator;
 use crate::config::Config;
@@ -25,10 +25,10 @@ use crate::estimate::{PoseEstimate, Status};
 use crate::features::Features;
 use crate::filter::State;
 use crate::gps::GpsFix;
+use crate::local_map::LocalMap;
 use crate::prepare::Prepared;
 use crate::preselect::{Candidates, Lookup, Reach};
 use crate::projection::ImageSize;
-use crate::road_index::RoadIndex;
 use crate::start::{Rough, Search};
 use hypothesis::Hypothesis;
 
@@ -46,8 +46,7 @@ pub struct FrameInput<'a> {
 /// The localizer of one drive.
 #[derive(Debug)]
 pub struct Tracker<'a> {
-    map: &'a SemanticMap,
-    index: &'a RoadIndex,
+    map: &'a mut LocalMap,
     camera: PinholeCamera,
     image: ImageSize,
     config: Config,
@@ -65,16 +64,9 @@ pub struct Tracker<'a> {
 
 impl<'a> Tracker<'a> {
     /// A localizer that knows nothing of its position yet.
-    pub fn new(
-        map: &'a SemanticMap,
-        index: &'a RoadIndex,
-        camera: &PinholeCamera,
-        image: ImageSize,
-        config: &Config,
-    ) -> Self {
+    pub fn new(map: &'a mut LocalMap, camera: &PinholeCamera, image: ImageSize, config: &Config) -> Self {
         Self {
             map,
-            index,
             camera: *camera,
             image,
             config: config.clone(),
@@ -91,17 +83,21 @@ impl<'a> Tracker<'a> {
 
     /// The pose at the next frame; none before the first GPS fix. Times must
     /// ascend: a frame no later than the one before is taken as of its time.
-    pub fn step(&mut self, input: &FrameInput<'_>) -> Option<PoseEstimate> {
+    ///
+    /// # Errors
+    /// Where the map cannot be read; only a map in memory cannot fail.
+    pub fn step(&mut self, input: &FrameInput<'_>) -> Result<Option<PoseEstimate>> {
+        self.map.next_frame()?;
         let dt_s = self.last_time_s.map_or(0.0, |last_s| (input.time_s - last_s).max(0.0));
         self.last_time_s = Some(input.time_s);
         self.prepared.fill(input.features);
         self.predict(dt_s);
-        self.follow_region(dt_s, input.gps);
-        self.observe(input.gps);
-        self.search_if_needed();
+        self.follow_region(dt_s, input.gps)?;
+        self.observe(input.gps)?;
+        self.search_if_needed()?;
         self.prune();
-        let margin = self.find_rivals();
-        self.speak(margin)
+        let margin = self.find_rivals()?;
+        Ok(self.speak(margin))
     }
 
     /// Moves every hypothesis on; those that do not know their speed yet split
@@ -114,15 +110,9 @@ impl<'a> Tracker<'a> {
     }
 
     /// Selects the landmarks for all hypotheses at once.
-    fn select(&mut self, centre: &Pose, reach: &Reach) {
-        let lookup = Lookup {
-            map: self.map,
-            index: self.index,
-            camera: &self.camera,
-            image: self.image,
-            config: &self.config.preselect,
-        };
-        lookup.select(centre, reach, &mut self.candidates);
+    fn select(&mut self, centre: &Pose, reach: &Reach) -> Result<()> {
+        let lookup = Lookup { map: self.map, camera: &self.camera, image: self.image, config: &self.config.preselect };
+        lookup.select(centre, reach, &mut self.candidates)
     }
 
     /// Reach around the best hypothesis that covers all of them.
@@ -139,9 +129,9 @@ impl<'a> Tracker<'a> {
         Some((centre, reach))
     }
 
-    fn observe(&mut self, gps: Option<&GpsFix>) {
-        let Some((centre, reach)) = self.bank_reach() else { return };
-        self.select(&centre, &reach);
+    fn observe(&mut self, gps: Option<&GpsFix>) -> Result<()> {
+        let Some((centre, reach)) = self.bank_reach() else { return Ok(()) };
+        self.select(&centre, &reach)?;
         let scene = Scene {
             camera: &self.camera,
             image: self.image,
@@ -161,6 +151,7 @@ impl<'a> Tracker<'a> {
             self.add(jump);
         }
         self.sort();
+        Ok(())
     }
 
     fn sort(&mut self) {
@@ -169,12 +160,12 @@ impl<'a> Tracker<'a> {
     }
 
     /// Keeps the region up in which the camera is, whatever is tracked.
-    fn follow_region(&mut self, dt_s: f64, gps: Option<&GpsFix>) {
+    fn follow_region(&mut self, dt_s: f64, gps: Option<&GpsFix>) -> Result<()> {
         if let Some(region) = &mut self.region {
             *region = region.predicted(dt_s, &self.config.motion);
         }
-        let Some(fix) = gps else { return };
-        let rough = self.rough_from(fix);
+        let Some(fix) = gps else { return Ok(()) };
+        let rough = self.rough_from(fix)?;
         match &mut self.region {
             Some(region) => {
                 let off = local(&region.map_from_camera, &rough.map_from_camera);
@@ -184,6 +175,7 @@ impl<'a> Tracker<'a> {
             }
             None => self.region = Some(unknown_speed(&rough, &self.config.bank)),
         }
+        Ok(())
     }
 
     /// By how much the best hypothesis is ahead of the next, nats.
@@ -194,7 +186,7 @@ impl<'a> Tracker<'a> {
 
     /// Searches the region while nothing is tracked that the last frames
     /// speak for.
-    fn search_if_needed(&mut self) {
+    fn search_if_needed(&mut self) -> Result<()> {
         let bank = &self.config.bank;
         let lead = self.lead();
         let sure = self.bank.first().is_some_and(|best| {
@@ -205,15 +197,15 @@ impl<'a> Tracker<'a> {
                 || (alone && best.log_weight >= 2.0 * bank.sure_evidence)
         });
         if sure || self.prepared.is_empty() {
-            return;
+            return Ok(());
         }
-        let Some(region) = self.region.clone() else { return };
+        let Some(region) = self.region.clone() else { return Ok(()) };
         let rough = rough_of(&region, &self.config);
         let reach = Reach {
             position_m: self.config.start.reach_sigmas * rough.sigmas[0].hypot(rough.sigmas[2]),
             angle_rad: self.config.start.reach_sigmas * rough.sigmas[4],
         };
-        self.select(&rough.map_from_camera, &reach);
+        self.select(&rough.map_from_camera, &reach)?;
         let scene = Scene {
             camera: &self.camera,
             image: self.image,
@@ -235,6 +227,7 @@ impl<'a> Tracker<'a> {
             self.add(Hypothesis::found(&refined, &region, handicap, &self.config));
         }
         self.sort();
+        Ok(())
     }
 
     /// Adds a hypothesis unless one like it is tracked already.
@@ -244,17 +237,17 @@ impl<'a> Tracker<'a> {
         }
     }
 
-    fn rough_from(&mut self, fix: &GpsFix) -> Rough {
+    fn rough_from(&mut self, fix: &GpsFix) -> Result<Rough> {
         let reach_m = self.config.start.path_reach_m;
-        self.index.roads_near(&fix.position_map, reach_m, &mut self.candidates.roads);
-        Rough::from_fix(
+        self.map.roads_near(&fix.position_map, reach_m, &mut self.candidates.roads)?;
+        Ok(Rough::from_fix(
             self.map,
             &self.candidates.roads,
             &fix.position_map,
             fix.horizontal_sigma_m,
             fix.heading,
             &self.config.start,
-        )
+        ))
     }
 
     /// Merges what has become the same and drops what the evidence refutes.
@@ -274,11 +267,11 @@ impl<'a> Tracker<'a> {
 
     /// Looks beside the best hypothesis for poses that explain the frame as
     /// well; returns by how much support the best is ahead, nats.
-    fn find_rivals(&mut self) -> f64 {
-        let Some(best) = self.bank.first() else { return 0.0 };
+    fn find_rivals(&mut self) -> Result<f64> {
+        let Some(best) = self.bank.first() else { return Ok(0.0) };
         let best = best.clone();
         let reach = self.config.rivals.reach(&best.state.pose_covariance());
-        self.select(&best.state.map_from_camera, &reach);
+        self.select(&best.state.map_from_camera, &reach)?;
         let scene = Scene {
             camera: &self.camera,
             image: self.image,
@@ -296,7 +289,7 @@ impl<'a> Tracker<'a> {
                 self.add(Hypothesis::beside(&best, &rival, self.config.bank.jump_cost));
             }
         }
-        margin
+        Ok(margin)
     }
 
     fn speak(&mut self, margin: f64) -> Option<PoseEstimate> {

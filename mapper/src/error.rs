@@ -118,6 +118,20 @@ pub enum Error {
         /// Points of the cloud.
         points: usize,
     },
+    /// Inputs of an atlas without a map.
+    #[error("there is no .csm file in {}; give maps, or folders that hold some", list(inputs))]
+    NoMaps {
+        /// What was given.
+        inputs: Vec<PathBuf>,
+    },
+    /// Inputs of an atlas that are one.
+    #[error("{} and {} are the same map; give each map once", first.display(), second.display())]
+    SameMap {
+        /// One of them.
+        first: PathBuf,
+        /// The other.
+        second: PathBuf,
+    },
     /// The LAS writer.
     #[error("{}: the point cloud could not be written: {reason}", path.display())]
     Cloud {
@@ -165,6 +179,11 @@ pub enum Error {
         /// What the operating system says.
         reason: String,
     },
+}
+
+fn list(paths: &[PathBuf]) -> String {
+    let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+    names.join(", ")
 }
 
 impl Error {

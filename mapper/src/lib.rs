@@ -5,6 +5,7 @@
 //! [`ground`], [`poles`], [`signs`] and [`lanes`] find the landmarks in it,
 //! and [`roads`] cuts the drive into the stretches that they belong to.
 
+pub mod atlas;
 pub mod build;
 pub mod cli;
 pub mod cloud;

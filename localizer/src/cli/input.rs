@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use common::geometry::Pose;
-use common::map::SemanticMap;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::config::Config;
 use crate::drive::{Drive, Seen, Source, image_size};
 use crate::gps::{GpsFix, simulate};
+use crate::local_map::LocalMap;
 use crate::projection::ImageSize;
 use crate::run::FrameFeatures;
 use crate::{Error, Result};
@@ -18,7 +18,7 @@ use crate::{Error, Result};
 /// The drive and where its features come from.
 #[derive(Debug, Args)]
 pub struct InputArgs {
-    /// Map file (.csm).
+    /// Map file (.csm), or atlas of many (.csa).
     #[arg(long, value_name = "FILE")]
     pub map: Option<PathBuf>,
     /// Folder with `sequences/` in KITTI odometry layout.
@@ -50,7 +50,7 @@ pub struct InputArgs {
 /// A drive whose images have been looked at.
 pub struct Input {
     /// The map.
-    pub map: SemanticMap,
+    pub map: LocalMap,
     /// The drive.
     pub drive: Drive,
     /// Size of its images.
@@ -75,7 +75,7 @@ impl InputArgs {
 
     /// Reads the map and looks at all images; `seen` is called for each frame.
     pub fn read(&self, config: &Config, mut seen: impl FnMut(&Drive, usize, &Seen) -> Result<()>) -> Result<Input> {
-        let map = common::map::read(super::required(self.map.as_ref(), "--map")?)?;
+        let map = LocalMap::open(&super::required(self.map.as_ref(), "--map")?, &config.local_map)?;
         let source = self.open_source()?;
         let drive = self.open_drive()?;
         let bar = progress(drive.frames.len(), "features");

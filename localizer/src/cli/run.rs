@@ -7,12 +7,10 @@ use nalgebra::Point2;
 
 use super::ConfigArgs;
 use super::input::{Input, InputArgs, simulated, started};
-use crate::drive::Drive;
 use crate::estimate::Status;
 use crate::overlay::{self, ProjectedShape};
 use crate::preselect::{Candidates, Lookup, Reach};
 use crate::projection::View;
-use crate::road_index::RoadIndex;
 use crate::run::{FrameResult, Localizer, Method, localize};
 use crate::{Result, config::Config, gps, output};
 
@@ -48,7 +46,7 @@ pub struct RunArgs {
 pub fn execute(args: &RunArgs) -> Result<bool> {
     let Some(config) = args.config.load()? else { return Ok(true) };
     let out = super::required(args.out.as_ref(), "--out")?;
-    let input = args.input.read(&config, |_, frame, seen| {
+    let mut input = args.input.read(&config, |_, frame, seen| {
         if let Some(folder) = &args.save_labels {
             crate::vision::labels::write(folder, frame, &seen.maps)?;
         }
@@ -58,18 +56,18 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
         Some(path) => started(&input.frames, gps::read(path, &input.drive.times_s, &config.gps)?)?,
         None => simulated(&input.frames, &args.input.true_poses(&input.drive)?, &config, args.gps_seed)?,
     };
-    let index = RoadIndex::new(&input.map);
-    let localizer = Localizer::new(args.method, &input.map, &index, &input.drive.camera, input.image, &config);
-    let results = localize(&input.frames, &fixes, localizer);
+    let localizer = Localizer::new(args.method, &mut input.map, &input.drive.camera, input.image, &config);
+    let results = localize(&input.frames, &fixes, localizer)?;
+    let read_of_atlas = input.map.usage();
     create(&out)?;
     output::write(&out, &results)?;
     if let Some(folder) = &args.overlay {
         create(folder)?;
         for result in &results {
+            let image = input.drive.image(result.frame)?;
+            let shapes = shapes(&mut input, &config, result)?;
             let features = input.frames.iter().find(|seen| seen.frame == result.frame);
             let Some(seen) = features else { continue };
-            let image = input.drive.image(result.frame)?;
-            let shapes = shapes(&input, &index, &config, &input.drive, result);
             let drawn = overlay::draw(&image, &seen.features, &shapes);
             crate::vision::write_png(folder.join(format!("{:06}.png", result.frame)), &drawn)?;
         }
@@ -83,6 +81,12 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
         count(Status::Lost),
         out.display()
     );
+    if let Some(usage) = read_of_atlas {
+        println!(
+            "{} tiles of the atlas read ({} bytes with the index), at most {} held",
+            usage.tiles_read, usage.bytes_read, usage.most_held
+        );
+    }
     Ok(true)
 }
 
@@ -92,19 +96,14 @@ fn create(folder: &PathBuf) -> Result<()> {
 }
 
 /// The landmarks that may be seen from an estimate, in its image.
-fn shapes(
-    input: &Input,
-    index: &RoadIndex,
-    config: &Config,
-    drive: &Drive,
-    result: &FrameResult,
-) -> Vec<ProjectedShape> {
+fn shapes(input: &mut Input, config: &Config, result: &FrameResult) -> Result<Vec<ProjectedShape>> {
+    let camera = &input.drive.camera;
     let pose = &result.estimate.map_from_camera;
-    let view = View::new(&drive.camera, pose);
-    let lookup =
-        Lookup { map: &input.map, index, camera: &drive.camera, image: input.image, config: &config.preselect };
+    let view = View::new(camera, pose);
+    input.map.next_frame()?;
+    let lookup = Lookup { map: &mut input.map, camera, image: input.image, config: &config.preselect };
     let mut candidates = Candidates::default();
-    lookup.select(pose, &Reach { position_m: 0.0, angle_rad: 0.0 }, &mut candidates);
+    lookup.select(pose, &Reach { position_m: 0.0, angle_rad: 0.0 }, &mut candidates)?;
     let mut shapes = Vec::new();
     for pole in &candidates.poles {
         if let Some(image) = crate::measurement::PoleImage::new(&view, pole) {
@@ -113,7 +112,7 @@ fn shapes(
     }
     for sign in &candidates.signs {
         if let Some((centre_px, depth_m)) = view.project(&sign.centroid_map) {
-            let radius_px = 0.5 * sign.size_m * drive.camera.fx_px / depth_m;
+            let radius_px = 0.5 * sign.size_m * camera.fx_px / depth_m;
             shapes.push(ProjectedShape::Sign { centre_px, radius_px });
         }
     }
@@ -123,5 +122,5 @@ fn shapes(
             points.iter().filter_map(|p| view.project(p)).map(|(pixel, _)| pixel).collect();
         shapes.push(ProjectedShape::Lane { points_px });
     }
-    shapes
+    Ok(shapes)
 }

@@ -7,7 +7,6 @@ use super::ConfigArgs;
 use super::input::{Input, InputArgs, simulated};
 use crate::eval::{Report, StageTime, score};
 use crate::output::{Recorded, Timing};
-use crate::road_index::RoadIndex;
 use crate::run::{Localizer, Method, localize};
 use crate::{Error, Result, config::Config};
 
@@ -44,7 +43,7 @@ struct Draw {
 
 pub fn execute(args: &TrialArgs) -> Result<bool> {
     let Some(config) = args.config.load()? else { return Ok(true) };
-    let input = args.input.read(&config, |_, _, _| Ok(()))?;
+    let mut input = args.input.read(&config, |_, _, _| Ok(()))?;
     let truth = args.input.true_poses(&input.drive)?;
     let methods = args.method.map_or_else(|| vec![Method::Robust, Method::Paper], |method| vec![method]);
     println!(
@@ -58,7 +57,7 @@ pub fn execute(args: &TrialArgs) -> Result<bool> {
     for method in methods {
         let mut draws = Vec::new();
         for seed in 0..args.draws {
-            let draw = localize_once(&input, &truth, method, &config, seed)?;
+            let draw = localize_once(&mut input, &truth, method, &config, seed)?;
             if args.each {
                 println!("{}", row(&format!("{} {seed}", name(method)), std::slice::from_ref(&draw)));
             }
@@ -76,11 +75,10 @@ fn name(method: Method) -> &'static str {
     }
 }
 
-fn localize_once(input: &Input, truth: &[Pose], method: Method, config: &Config, seed: u64) -> Result<Draw> {
+fn localize_once(input: &mut Input, truth: &[Pose], method: Method, config: &Config, seed: u64) -> Result<Draw> {
     let fixes = simulated(&input.frames, truth, config, seed)?;
-    let index = RoadIndex::new(&input.map);
-    let localizer = Localizer::new(method, &input.map, &index, &input.drive.camera, input.image, config);
-    let results = localize(&input.frames, &fixes, localizer);
+    let localizer = Localizer::new(method, &mut input.map, &input.drive.camera, input.image, config);
+    let results = localize(&input.frames, &fixes, localizer)?;
     let scored = results.get(START_FRAMES.min(results.len())..).unwrap_or(&[]);
     let recorded: Vec<Recorded> = scored.iter().map(Recorded::from).collect();
     let timing: Vec<Timing> = scored

@@ -1,7 +1,6 @@
 //! One hypothesis: a filter, the evidence for it, and its last frame.
 
 use common::geometry::PoseParameters;
-use common::map::SemanticMap;
 use nalgebra::{Matrix6, Point3};
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +10,7 @@ use crate::config::Config;
 use crate::estimate::Correspondence;
 use crate::filter::State;
 use crate::gps::GpsFix;
-use crate::road_index::nearest_path;
+use crate::local_map::{LocalMap, RoadKey};
 use crate::solver::Prior;
 use crate::start::{StartConfig, is_alike};
 
@@ -249,9 +248,9 @@ impl Hypothesis {
     /// Keeps height, pitch and roll from wandering off where the images do not
     /// fix them: they are known from the survey's path, but no better for
     /// being said in every frame.
-    pub fn constrain_to_path(&mut self, map: &SemanticMap, roads: &[u32], start: &StartConfig) {
+    pub fn constrain_to_path(&mut self, map: &LocalMap, roads: &[RoadKey], start: &StartConfig) {
         let position = Point3::from(self.state.map_from_camera.translation.vector);
-        let Some(place) = nearest_path(map, roads, &position) else { return };
+        let Some(place) = map.nearest_path(roads, &position) else { return };
         let off = position - place.point_map;
         if off.x.hypot(off.z) > start.path_reach_m {
             return;

@@ -1,4 +1,5 @@
 use common::geometry::{Pose, retract};
+use common::map::SemanticMap;
 
 use super::*;
 use crate::gps::{GpsConfig, simulate};
@@ -40,17 +41,17 @@ impl Run {
 }
 
 fn run(world: &World, gps: &GpsConfig, seed: u64, mishap: &Mishap<'_>) -> Run {
-    let index = RoadIndex::new(&world.map);
+    let mut map = LocalMap::whole(world.map.clone());
     let config = Config::default();
     let fixes = simulate(&world.truth[..gps.simulated_fixes], gps, seed);
-    let mut tracker = Tracker::new(&world.map, &index, &world.camera, IMAGE, &config);
+    let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, &config);
     let mut run = Run { errors_m: Vec::new(), statuses: Vec::new(), poses: Vec::new() };
     for frame in 0..world.truth.len() {
         (mishap.before)(frame, &mut tracker);
         let shown = (mishap.shows)(frame).min(world.truth.len() - 1);
         let features = if (mishap.is_black)(frame) { Features::default() } else { world.features(shown) };
         let input = FrameInput { time_s: time_s(frame), features: &features, gps: fixes.get(frame) };
-        let estimate = tracker.step(&input).unwrap();
+        let estimate = tracker.step(&input).unwrap().unwrap();
         let off = local(&world.truth[shown], &estimate.map_from_camera);
         run.errors_m.push(off.fixed_rows::<3>(0).norm());
         run.statuses.push(estimate.status);
@@ -172,10 +173,10 @@ fn the_wrong_lane_is_found_and_undone() {
 #[test]
 fn without_a_fix_there_is_no_pose() {
     let world = World::new(street());
-    let index = RoadIndex::new(&world.map);
-    let mut tracker = Tracker::new(&world.map, &index, &world.camera, IMAGE, &Config::default());
+    let mut map = LocalMap::whole(world.map.clone());
+    let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, &Config::default());
     let features = world.features(0);
-    assert!(tracker.step(&FrameInput { time_s: 0.0, features: &features, gps: None }).is_none());
+    assert!(tracker.step(&FrameInput { time_s: 0.0, features: &features, gps: None }).unwrap().is_none());
 }
 
 #[test]
@@ -189,14 +190,13 @@ fn the_same_drive_gives_the_same_poses() {
 #[test]
 fn an_empty_map_is_no_reason_to_fail() {
     let world = World::new(Recipe { length_m: 40.0, ..Recipe::default() });
-    let (map, config) = (SemanticMap::default(), Config::default());
-    let index = RoadIndex::new(&map);
+    let (mut map, config) = (LocalMap::whole(SemanticMap::default()), Config::default());
     let fixes = simulate(&world.truth[..2], &config.gps, 1);
-    let mut tracker = Tracker::new(&map, &index, &world.camera, IMAGE, &config);
+    let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, &config);
     for frame in 0..20 {
         let features = world.features(frame);
         let input = FrameInput { time_s: time_s(frame), features: &features, gps: fixes.get(frame) };
-        let estimate = tracker.step(&input);
+        let estimate = tracker.step(&input).unwrap();
         assert!(estimate.is_none_or(|e| e.status != Status::Ok && e.covariance.iter().all(|v| v.is_finite())));
     }
 }

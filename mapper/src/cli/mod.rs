@@ -1,9 +1,10 @@
 //! The command line.
 
+mod atlas;
 mod build;
 mod export;
 mod source;
-mod usage;
+pub mod usage;
 mod views;
 
 use std::ffi::OsString;
@@ -38,6 +39,8 @@ enum Command {
     Size(Size),
     /// Print a map as text, one landmark per line.
     Ascii(MapFile),
+    /// Put maps into one file, of which a localizer loads what is around it.
+    Atlas(atlas::MakeAtlas),
     /// Draw a map from above.
     Draw(Draw),
     /// Write a map as GeoJSON, Lanelet2 OSM, CSV, or the paper's text.
@@ -108,6 +111,7 @@ where
         Command::Inspect(arguments) => views::inspect(&arguments.file.map, arguments.json),
         Command::Size(arguments) => views::size(&arguments.file.map, arguments.budget),
         Command::Ascii(arguments) => views::ascii(&arguments.map),
+        Command::Atlas(arguments) => arguments.run(),
         Command::Draw(arguments) => views::draw(&arguments.file.map, &arguments.out),
         Command::Export(arguments) => arguments.run(),
     };

@@ -3,14 +3,19 @@
 use std::path::Path;
 
 use common::atomic_file;
+use common::map::atlas::is_atlas;
 use common::map::{SemanticMap, layout};
 
 use super::{Outcome, print, print_json};
+use crate::atlas::AtlasInspection;
 use crate::draw::svg;
 use crate::error::Result;
 use crate::inspect::Inspection;
 
 pub fn inspect(map: &Path, json: bool) -> Result<Outcome> {
+    if is_atlas(map)? {
+        return super::atlas::inspect(map, json);
+    }
     let inspection = Inspection::of_file(map)?;
     if json {
         print_json(&inspection)?;
@@ -22,7 +27,8 @@ pub fn inspect(map: &Path, json: bool) -> Result<Outcome> {
 
 pub fn size(map: &Path, budget: usize) -> Result<Outcome> {
     // The whole map is read: a damaged one has no size worth telling.
-    let bytes = Inspection::of_file(map)?.bytes;
+    let bytes =
+        if is_atlas(map)? { AtlasInspection::of_file(map)?.bytes as usize } else { Inspection::of_file(map)?.bytes };
     if bytes > budget {
         print(&format!("{}: {bytes} bytes, {} over the budget of {budget}\n", map.display(), bytes - budget));
         return Ok(Outcome::Failed);

@@ -38,7 +38,8 @@ impl Entry {
 
     /// The box of `other` lies within this one.
     pub fn contains(&self, other: &Self) -> bool {
-        let axis = |i: usize| self.min[i] <= other.min[i] && other.min[i] <= other.max[i] && other.max[i] <= self.max[i];
+        let axis =
+            |i: usize| self.min[i] <= other.min[i] && other.min[i] <= other.max[i] && other.max[i] <= self.max[i];
         (0..3).all(axis)
     }
 

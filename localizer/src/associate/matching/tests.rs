@@ -4,8 +4,8 @@ use nalgebra::Vector6;
 
 use super::*;
 use crate::features::Features;
+use crate::local_map::LocalMap;
 use crate::preselect::{Lookup, PoleCandidate, PreselectConfig, Reach};
-use crate::road_index::RoadIndex;
 use crate::testing::{IMAGE, Recipe, World};
 
 fn covariance(sigma_m: f64, sigma_rad: f64) -> Matrix6<f64> {
@@ -24,10 +24,10 @@ struct Owned {
 
 impl Owned {
     fn new(camera: PinholeCamera, map: &SemanticMap, at: &Pose, features: &Features) -> Self {
-        let (index, config) = (RoadIndex::new(map), PreselectConfig::default());
-        let lookup = Lookup { map, index: &index, camera: &camera, image: IMAGE, config: &config };
+        let (mut map, config) = (LocalMap::whole(map.clone()), PreselectConfig::default());
+        let lookup = Lookup { map: &mut map, camera: &camera, image: IMAGE, config: &config };
         let mut candidates = Candidates::default();
-        lookup.select(at, &Reach { position_m: 8.0, angle_rad: 0.1 }, &mut candidates);
+        lookup.select(at, &Reach { position_m: 8.0, angle_rad: 0.1 }, &mut candidates).unwrap();
         let mut prepared = Prepared::default();
         prepared.fill(features);
         Self {

@@ -1,0 +1,184 @@
+//! The map as the localizer sees it: the roads near a position, with their
+//! landmarks, whether the map is one file in memory or an atlas of a country,
+//! of which only the tiles around the camera are held.
+//!
+//! An atlas gives the same poses as the map it was cut from: a query answers
+//! with the same roads in the same order, for it first reads what is missing.
+//! What is read ahead of the camera, one tile a frame, only spreads that work.
+
+mod surroundings;
+#[cfg(test)]
+mod tests;
+
+use common::map::atlas::{Atlas, Counts};
+use common::map::{LaneLine, Pole, SemanticMap, Sign};
+use nalgebra::{Point3, Vector3};
+
+use crate::Result;
+use crate::road_index::{Cells, RoadIndex};
+pub use surroundings::{LocalMapConfig, Usage};
+use surroundings::{Surroundings, area_of};
+
+/// A road that a query has found. Keys are good until the next frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct RoadKey {
+    /// Its number in the whole map: the order of roads.
+    number: u32,
+    /// The tile that it is in.
+    tile: u64,
+    /// Its index there.
+    road: u32,
+}
+
+/// The survey's path near a position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PathPlace {
+    /// The nearest point of the path, map frame, metres: where the survey's
+    /// camera was.
+    pub point_map: Point3<f64>,
+    /// Unit direction in which the survey drove there.
+    pub forward_map: Vector3<f64>,
+}
+
+/// Roads and landmarks that are held in memory together.
+#[derive(Debug)]
+struct Held {
+    /// Where its tile begins in the atlas, bytes; 0 for a map without one.
+    tile: u64,
+    map: SemanticMap,
+    index: RoadIndex,
+    /// The number of each road in the whole map.
+    road_numbers: Vec<u32>,
+    /// The landmarks of the whole map that come before these.
+    before: Counts,
+}
+
+/// The map around the camera.
+#[derive(Debug)]
+pub struct LocalMap {
+    /// By tile, ascending.
+    held: Vec<Held>,
+    /// Where the rest is; none where all is held.
+    surroundings: Option<Surroundings>,
+}
+
+impl LocalMap {
+    /// A map that is in memory as a whole.
+    pub fn whole(map: SemanticMap) -> Self {
+        let road_numbers = (0..map.roads.len() as u32).collect();
+        let index = RoadIndex::new(&map);
+        Self { held: vec![Held { tile: 0, map, index, road_numbers, before: Counts::default() }], surroundings: None }
+    }
+
+    /// The part of an atlas around whatever is asked for.
+    pub fn around(atlas: Atlas, config: &LocalMapConfig) -> Self {
+        Self { held: Vec::new(), surroundings: Some(Surroundings::new(atlas, *config)) }
+    }
+
+    /// Opens a map file or an atlas, as its first bytes say.
+    ///
+    /// # Errors
+    /// As [`common::map::read`] and [`Atlas::open`].
+    pub fn open(path: &std::path::Path, config: &LocalMapConfig) -> Result<Self> {
+        Ok(if common::map::atlas::is_atlas(path)? {
+            Self::around(Atlas::open(path)?, config)
+        } else {
+            Self::whole(common::map::read(path)?)
+        })
+    }
+
+    /// Before each frame: drops the tiles that were left behind and reads one
+    /// of those ahead.
+    ///
+    /// # Errors
+    /// As [`Atlas::tile`].
+    pub fn next_frame(&mut self) -> Result<()> {
+        match &mut self.surroundings {
+            Some(surroundings) => surroundings.next_frame(&mut self.held),
+            None => Ok(()),
+        }
+    }
+
+    /// Fills `roads` with the stretches that pass within about `reach_m` of
+    /// the position (whole cells), in the order of the whole map.
+    ///
+    /// # Errors
+    /// As [`Atlas::tile`].
+    pub fn roads_near(&mut self, position_map: &Point3<f64>, reach_m: f64, roads: &mut Vec<RoadKey>) -> Result<()> {
+        let mut cells = Cells::around(position_map, reach_m);
+        if let Some(surroundings) = &mut self.surroundings {
+            cells = Cells::around(position_map, surroundings.reach_m(reach_m));
+            surroundings.need(&area_of(&cells), &mut self.held)?;
+        }
+        roads.clear();
+        for held in &self.held {
+            let numbered = held.index.roads_in(&cells).filter_map(|road| {
+                let number = *held.road_numbers.get(road as usize)?;
+                Some(RoadKey { number, tile: held.tile, road })
+            });
+            roads.extend(numbered);
+        }
+        roads.sort_unstable();
+        roads.dedup();
+        Ok(())
+    }
+
+    fn held(&self, key: RoadKey) -> Option<&Held> {
+        let at = self.held.binary_search_by_key(&key.tile, |held| held.tile).ok()?;
+        self.held.get(at)
+    }
+
+    /// The survey's path along a road, map frame, metres.
+    pub fn path(&self, key: RoadKey) -> &[Point3<f64>] {
+        self.held(key).and_then(|held| held.map.roads.get(key.road as usize)).map_or(&[], |road| &road.path_map)
+    }
+
+    /// Poles of a road, each with its number in the whole map.
+    pub fn poles(&self, key: RoadKey) -> impl Iterator<Item = (usize, &Pole)> {
+        self.held(key).into_iter().flat_map(move |held| {
+            let before = held.before.poles as usize;
+            held.index.poles(key.road).iter().filter_map(move |&i| Some((before + i, held.map.poles.get(i)?)))
+        })
+    }
+
+    /// Signs of a road, each with its number in the whole map.
+    pub fn signs(&self, key: RoadKey) -> impl Iterator<Item = (usize, &Sign)> {
+        self.held(key).into_iter().flat_map(move |held| {
+            let before = held.before.signs as usize;
+            held.index.signs(key.road).iter().filter_map(move |&i| Some((before + i, held.map.signs.get(i)?)))
+        })
+    }
+
+    /// Lane lines of a road, each with its number in the whole map.
+    pub fn lanes(&self, key: RoadKey) -> impl Iterator<Item = (usize, &LaneLine)> {
+        self.held(key).into_iter().flat_map(move |held| {
+            let before = held.before.lanes as usize;
+            held.index.lanes(key.road).iter().filter_map(move |&i| Some((before + i, held.map.lanes.get(i)?)))
+        })
+    }
+
+    /// The place on the paths of `roads` that is nearest to a position in the
+    /// horizontal plane; none where no path has two distinct points.
+    pub fn nearest_path(&self, roads: &[RoadKey], position_map: &Point3<f64>) -> Option<PathPlace> {
+        let mut best: Option<(f64, PathPlace)> = None;
+        for ends in roads.iter().flat_map(|&road| self.path(road).windows(2)) {
+            let along = ends[1] - ends[0];
+            let length2 = along.x * along.x + along.z * along.z;
+            let Some(forward_map) = along.try_normalize(1e-6).filter(|_| length2 > 1e-12) else { continue };
+            let to = position_map - ends[0];
+            let fraction = ((to.x * along.x + to.z * along.z) / length2).clamp(0.0, 1.0);
+            let point_map = ends[0] + along * fraction;
+            let off = position_map - point_map;
+            let distance2 = off.x * off.x + off.z * off.z;
+            if best.as_ref().is_none_or(|(least, _)| distance2 < *least) {
+                best = Some((distance2, PathPlace { point_map, forward_map }));
+            }
+        }
+        best.map(|(_, place)| place)
+    }
+
+    /// What was read of an atlas; none for a map that is held as a whole.
+    pub fn usage(&self) -> Option<Usage> {
+        self.surroundings.as_ref().map(Surroundings::usage)
+    }
+}

@@ -1,0 +1,51 @@
+//! Maps in one atlas localize as they do alone, and a faulty atlas is told.
+
+use crate::support::{DEMO, Ran, run, text};
+
+/// The demo's drive localized in a map; its poses.
+fn localized(map: &str, out: &std::path::Path) -> (Ran, Vec<u8>) {
+    let (drive, truth) = (DEMO.file("drive"), DEMO.file("drive/truth/poses.txt"));
+    let labels = DEMO.file("drive/sequences/00/labels_2");
+    let inputs = ["--kitti", text(&drive), "--sequence", "00", "--labels", text(&labels), "--truth", text(&truth)];
+    let ran = run("localizer", &[&["run", "--map", map, "--out", text(out)], &inputs[..]].concat());
+    let poses = std::fs::read(out.join("poses.txt")).unwrap_or_default();
+    (ran, poses)
+}
+
+#[test]
+fn a_drive_in_an_atlas_gives_the_poses_of_its_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let (map, atlas) = (DEMO.file("street.csm"), folder.path().join("street.csa"));
+    let made = run("mapper", &["atlas", text(&map), "--tile-bytes", "300", "--out", text(&atlas)]).ok();
+    assert!(!made.contains(" 1 tiles"), "{made}");
+    let (ran, poses) = localized(text(&atlas), folder.path());
+    let said = ran.ok();
+    assert!(said.contains("tiles of the atlas read"), "{said}");
+    assert_eq!(poses, std::fs::read(DEMO.file("localized/poses.txt")).unwrap());
+
+    let looked = run("mapper", &["inspect", text(&atlas), "--json"]).ok();
+    let json: serde_json::Value = serde_json::from_str(&looked).unwrap();
+    let bytes = std::fs::metadata(&atlas).unwrap().len();
+    assert_eq!(json["bytes"].as_u64(), Some(bytes));
+    assert_eq!(run("mapper", &["size", text(&atlas), "--budget", &(bytes - 1).to_string()]).code, 1);
+}
+
+#[test]
+fn a_faulty_atlas_is_told_in_a_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let (map, atlas) = (DEMO.file("street.csm"), folder.path().join("street.csa"));
+    let make = ["atlas", text(&map), "--tile-bytes", "300", "--out", text(&atlas)];
+    run("mapper", &make).ok();
+    run("mapper", &["ascii", text(&atlas)]).refused(&["street.csa", "give a .csm file"]);
+    let good = std::fs::read(&atlas).unwrap();
+    let with = |change: &dyn Fn(&mut Vec<u8>)| {
+        let mut bytes = good.clone();
+        change(&mut bytes);
+        std::fs::write(&atlas, bytes).unwrap();
+        localized(text(&atlas), folder.path()).0
+    };
+    with(&|bytes| bytes[200] ^= 1).refused(&["street.csa", "damaged", "tile at byte 146", "copy it again"]);
+    with(&|bytes| bytes.truncate(1000)).refused(&["street.csa", "has 1000", "cut off"]);
+    with(&|bytes| bytes[3] = 9).refused(&["street.csa", "version 9", "reads version 1"]);
+    run("mapper", &["atlas", text(&map), text(&map), "--out", text(&atlas)]).refused(&["the same map"]);
+}

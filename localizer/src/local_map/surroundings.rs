@@ -144,8 +144,10 @@ impl Surroundings {
 
     /// Reads the tile `waiting[next]`.
     fn read(&mut self, next: usize, held: &mut Vec<Held>) -> Result<()> {
-        let place = self.waiting.swap_remove(next);
+        let Some(place) = self.waiting.get(next).copied() else { return Ok(()) };
+        // One that cannot be read goes on waiting: it is not left out in silence.
         let tile = self.atlas.tile(&place)?;
+        self.waiting.swap_remove(next);
         let at = self.places.partition_point(|(other, _)| other.offset() < place.offset());
         self.places.insert(at, (place, self.frame));
         let index = RoadIndex::new(&tile.map);

@@ -54,7 +54,7 @@ enum Command {
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
-        Command::Make { map, km, spacing, out } => make(&map, km, spacing, &out),
+        Command::Make { map, km, spacing, out } => make(&map, km, spacing, &out).map_err(localizer::Error::from),
         Command::Measure { atlas, places, drive } => measure(&atlas, places, drive),
     };
     match result {

@@ -115,7 +115,8 @@ impl AtlasBuilder {
         let (path, options, sorter) = (self.path, self.options, self.sorter);
         let mut header = Header { length: 0, grid, levels: 0, frame_note, root: Entry::default() };
         atomic_file::write_seek_with(&path, |out| {
-            out.write_all(&header.to_bytes()?.iter().map(|_| 0).collect::<Vec<_>>()).map_err(Error::io(&path))?;
+            // Holds the place of the header until all of it is known.
+            out.write_all(&header.to_bytes()?).map_err(Error::io(&path))?;
             let mut tiles = TileWriter::new(out, &path, grid, options);
             sorter.finish(|record| tiles.take(record).map_err(Failure)).map_err(|Failure(error)| error)?;
             tiles.close()?;

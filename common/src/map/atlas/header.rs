@@ -15,8 +15,7 @@ pub(super) const VERSION: u8 = 1;
 /// Bytes of the header.
 pub(super) const HEADER_BYTES: usize = 4 + 8 + 4 + 1 + 1 + MAX_NOTE_BYTES + ENTRY_BYTES + 4;
 
-/// More levels than any file has room for: every node but the root has a
-/// neighbour, so that each level at least doubles the tiles.
+/// Most levels of nodes: enough for 2^32 tiles with two children to a node.
 const MAX_LEVELS: u8 = 32;
 
 /// What the header says.

@@ -8,6 +8,7 @@ use crate::cloud::Cloud;
 use crate::config::Config;
 use crate::drive::Drive;
 use crate::error::Result;
+use crate::evidence::EvidenceBook;
 use crate::lanes::{LanePiece, Paint, describe, find_lines, join};
 use crate::poles::{FittedPole, find_poles};
 use crate::register::{Registration, refine};
@@ -32,6 +33,8 @@ pub struct Built {
     pub map: SemanticMap,
     /// The poses that it was built with.
     pub registration: Registration,
+    /// How well the landmarks of each window are known.
+    pub evidence: EvidenceBook,
 }
 
 /// A window of the drive while the map is built.
@@ -84,14 +87,17 @@ pub fn build(
     };
     let windows: Vec<&[Stretch]> = cut.chunks(config.roads.per_window.max(1)).collect();
     let mut poles: Vec<(Pole, FittedPole)> = Vec::new();
+    let mut evidence = EvidenceBook::default();
     for (k, window) in windows.iter().enumerate() {
         let ends = (k == 0, k + 1 == windows.len());
         let (cloud, owned) = stitch_window(drive, &registration, window, ends, config)?;
         let found = extract(&cloud, &owned, &map, config);
+        let window_poles: Vec<Pole> = found.poles.iter().map(|(pole, _)| *pole).collect();
+        evidence.add(&cloud, &window_poles, &found.signs, &found.lanes, config);
         on_window(&Window {
             cloud: &cloud,
             owned,
-            poles: found.poles.iter().map(|(pole, _)| *pole).collect(),
+            poles: window_poles,
             signs: &found.signs,
             lanes: &found.lanes,
             done: k + 1,
@@ -102,7 +108,7 @@ pub fn build(
         map.lanes.extend(found.lanes);
     }
     map.poles = without_doubles(poles, config.poles.ring_outer_m);
-    Ok(Built { map, registration })
+    Ok(Built { map, registration, evidence })
 }
 
 /// Stitches the cloud of a window and tells which stations it owns: all that

@@ -4,6 +4,7 @@ use common::map::EncodeOptions;
 use serde::{Deserialize, Serialize};
 
 use crate::cloud::CloudConfig;
+use crate::evidence::EvidenceConfig;
 use crate::ground::GroundConfig;
 use crate::input::InputConfig;
 use crate::lanes::LaneConfig;
@@ -37,6 +38,8 @@ pub struct Config {
     pub signs: SignConfig,
     /// Lane lines.
     pub lanes: LaneConfig,
+    /// How well landmarks are known.
+    pub evidence: EvidenceConfig,
 }
 
 impl Default for Config {
@@ -52,6 +55,7 @@ impl Default for Config {
             poles: PoleConfig::default(),
             signs: SignConfig::default(),
             lanes: LaneConfig::default(),
+            evidence: EvidenceConfig::default(),
         }
     }
 }

@@ -13,6 +13,7 @@ pub mod config;
 pub mod draw;
 pub mod drive;
 pub mod error;
+pub mod evidence;
 pub mod export;
 pub mod grid;
 pub mod ground;

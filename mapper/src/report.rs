@@ -9,6 +9,7 @@ use crate::build::PoseSource;
 use crate::cloud::StitchedScan;
 use crate::config::Config;
 use crate::error::{Error, Result};
+use crate::evidence::MapEvidence;
 use crate::register;
 
 /// What a build did. It depends on the input and the settings only, so the
@@ -28,6 +29,10 @@ pub struct BuildReport {
     pub scans: ScanCounts,
     /// What the refinement of the poses estimated and what it gave.
     pub registration: register::Report,
+    /// How well each landmark is known, in the order in which the map's file
+    /// is decoded.
+    #[serde(default)]
+    pub evidence: MapEvidence,
     /// All settings.
     pub config: Config,
 }
@@ -118,6 +123,7 @@ mod tests {
             frames: 11,
             scans,
             registration: register::Report { vertical_angle_rad: 0.1, ..register::Report::default() },
+            evidence: MapEvidence::default(),
             config: Config::default(),
         }
     }

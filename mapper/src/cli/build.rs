@@ -95,7 +95,7 @@ impl Build {
         let mut scans = ScanCounts::default();
         let mut cloud = self.cloud.as_deref().map(|path| CloudFile::create(path, config)).transpose()?;
         let bar = progress();
-        let Built { map, registration } = build(&drive, poses, config, |window| {
+        let Built { map, registration, evidence } = build(&drive, poses, config, |window| {
             // Windows overlap: a scan counts where it is seen first.
             for scan in &window.cloud.scans {
                 if scans.scans == 0 || scan.frame > scans.last_frame {
@@ -113,6 +113,8 @@ impl Build {
 
         let bytes = map.encode(&EncodeOptions { quantum_m: config.quantum_m })?;
         common::atomic_file::write(out, &bytes)?;
+        // In the order of the file, which is not that of the map that was built.
+        let stored = SemanticMap::decode(&bytes)?;
         let usage = Usage::of(started, &drive);
         let report = BuildReport {
             map_bytes: bytes.len(),
@@ -121,6 +123,7 @@ impl Build {
             frames: drive.survey.len(),
             scans,
             registration: registration.report,
+            evidence: evidence.of_map(&stored, config.quantum_m, &config.evidence),
             config: config.clone(),
         };
         write_beside(out, &report)?;

@@ -1,0 +1,103 @@
+//! Uncertainty of the centroid of a sign.
+
+use common::map::Sign;
+use nalgebra::{Matrix3, Point2, Vector1, Vector3};
+
+use super::scatter::Scatter;
+use super::{EvidenceConfig, PointEvidence};
+use crate::cloud::{Cloud, CloudPoint};
+
+/// Reflectance from which on points are of the plate and not of what stands
+/// behind it, where there are enough of them.
+const BRIGHT: f32 = 0.7;
+/// Fewest points to go by.
+const FEWEST: usize = 5;
+
+/// A plate's centroid is the middle of its outline. Along the view it errs as
+/// its scans do; across and in height its edges lie between two beams, or
+/// beyond the lidar's field of view.
+pub fn of_sign(cloud: &Cloud, sign: &Sign, config: &EvidenceConfig) -> PointEvidence {
+    let reach_m = sign.size_m / 2.0 + config.reach_m;
+    let at = sign.centroid_map;
+    let near: Vec<&CloudPoint> =
+        cloud.near(&Point2::new(at.x, at.z)).filter(|p| (p.position - at).norm() < reach_m).collect();
+    let bright: Vec<&CloudPoint> = near.iter().copied().filter(|p| p.reflectance >= BRIGHT).collect();
+    let points = if bright.len() >= FEWEST { bright } else { near };
+    let floor = Matrix3::identity() * config.floor_m.powi(2);
+    let view = points
+        .iter()
+        .filter_map(|p| Some(at - cloud.sensor_map.get(usize::from(p.scan))?))
+        .map(|d| Vector3::new(d.x, 0.0, d.z))
+        .sum::<Vector3<f64>>();
+    let Some(deep) = view.try_normalize(1e-6).filter(|_| points.len() >= FEWEST) else {
+        let (along, up) = (config.unknown_sigma_m.powi(2), config.unknown_vertical_sigma_m.powi(2));
+        let unknown = Matrix3::from_diagonal(&Vector3::new(along, up, along));
+        return PointEvidence::new(&(unknown + floor), points.len(), 0);
+    };
+    let across = Vector3::new(deep.z, 0.0, -deep.x);
+    let mut scatter = Scatter::<1>::default();
+    for p in &points {
+        let row = (p.position.y / config.slice_m).floor() as i64;
+        scatter.add(p.scan, row, Vector1::new((p.position - at).dot(&deep)));
+    }
+    let components = scatter.components(config);
+    let scans = scatter.scans() as f64;
+    let pose_m2 = components.scan_m2 / scans;
+    let range_m = points.iter().map(|p| f64::from(p.range_m)).sum::<f64>() / points.len() as f64;
+    let edge = |axis: &Vector3<f64>, gap_m: f64| {
+        let along = points.iter().map(|p| (p.position - at).dot(axis));
+        let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
+        // Two edges, each anywhere in the gap beside the outermost beam of all
+        // scans: the variance of their middle is `gap^2 / 24`.
+        let gap_m = gap_m / scans;
+        // The largest extent of a plate is its diagonal: its sides are shorter.
+        let unseen_m = (sign.size_m * std::f64::consts::FRAC_1_SQRT_2 - (high - low)).max(0.0);
+        gap_m * gap_m / 24.0 + (config.unseen_share * unseen_m).powi(2)
+    };
+    let vertical_m2 = pose_m2 + edge(&Vector3::y(), config.beam_step_rad * range_m);
+    // The beams are ten times as dense along the rotation of the lidar.
+    let lateral_m2 = pose_m2 + edge(&across, 0.1 * config.beam_step_rad * range_m);
+    let covariance = deep * deep.transpose() * components.mean_m2
+        + across * across.transpose() * lateral_m2
+        + Vector3::y() * Vector3::y().transpose() * vertical_m2
+        + floor;
+    PointEvidence::new(&covariance, points.len(), scatter.scans())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Street;
+    use common::map::{RoadId, SignKind};
+    use nalgebra::Point3;
+
+    fn sign() -> Sign {
+        let centroid_map = Point3::new(4.0, -0.8, 40.0);
+        Sign { kind: SignKind::TrafficSign, centroid_map, size_m: 0.85, road: RoadId(0) }
+    }
+
+    fn plate(lower_half_only: bool) -> Cloud {
+        let mut street = Street::new();
+        for scan in 2..6 {
+            for (i, k) in (-6..=6).flat_map(|i| (-6..=6).map(move |k| (i, k))) {
+                if k >= 0 || !lower_half_only {
+                    let at = sign().centroid_map + Vector3::new(f64::from(i) * 0.05, f64::from(k) * 0.05, 0.0);
+                    street.add(at, scan, 0.95, None);
+                }
+            }
+        }
+        street.cloud()
+    }
+
+    #[test]
+    fn a_plate_whose_upper_half_was_not_seen_is_known_less_in_height_only() {
+        let config = EvidenceConfig::default();
+        let (whole, half) = (of_sign(&plate(false), &sign(), &config), of_sign(&plate(true), &sign(), &config));
+        let up = Vector3::y();
+        assert!(half.sigma_m(&up) > 2.0 * whole.sigma_m(&up), "{whole:?} {half:?}");
+        assert!((half.sigma_m(&Vector3::x()) / whole.sigma_m(&Vector3::x()) - 1.0).abs() < 0.1);
+        assert_eq!(whole.scans, 4);
+        let nothing = of_sign(&Street::new().cloud(), &sign(), &config);
+        assert!(nothing.sigma_m(&up) > config.unknown_vertical_sigma_m * 0.99);
+    }
+}

@@ -55,11 +55,19 @@ pub struct Cloud {
     pub path_index: PathIndex,
     /// Position of the lidar in each stitched scan, map frame, metres.
     pub sensor_map: Vec<Point3<f64>>,
+    /// What each stitched scan counts where views are counted: those from one
+    /// place count as one.
+    pub view_weight: Vec<f64>,
     /// The stitched scans.
     pub scans: Vec<StitchedScan>,
-    /// Indices of the points that stand on the ground, by cell of its grid.
-    by_cell: Vec<u32>,
-    /// Where each cell begins in `by_cell`.
+    standing: ByCell,
+    lying: ByCell,
+}
+
+/// Indices of some of the points by cell of the ground's grid.
+struct ByCell {
+    points: Vec<u32>,
+    /// Where each cell begins in `points`.
     starts: Vec<u32>,
 }
 
@@ -197,25 +205,24 @@ impl Cloud {
             let at = Point2::new(p.position.x, p.position.z);
             p.height_m = ground.height_m(&at).map_or(f32::NAN, |g| (-p.position.y - g) as f32);
         });
-        let (starts, by_cell) = index_standing(&points, &ground, config.thickness_m as f32);
-        Self { points, ground, path, path_index, sensor_map, scans, by_cell, starts }
+        let thickness_m = config.thickness_m as f32;
+        let standing = ByCell::new(&points, &ground, |h| h > thickness_m);
+        // The height map may lie below a kerb, and above a gutter.
+        let step_m = config.largest_step_m as f32;
+        let lying = ByCell::new(&points, &ground, |h| h.abs() <= step_m);
+        let view_weight = view_weights(&sensor_map);
+        Self { points, ground, path, path_index, sensor_map, view_weight, scans, standing, lying }
     }
 
-    /// Points whose column is within `radius_m` (at most one cell of the
-    /// ground's grid) of map (x, z), and a few more.
+    /// Points above the ground whose column is within one cell of the ground's
+    /// grid of map (x, z), and a few more.
     pub fn near(&self, at: &Point2<f64>) -> impl Iterator<Item = &CloudPoint> {
-        let grid = self.ground.grid();
-        let middle = grid.cell(at);
-        let span = |c: usize, n: usize| c.saturating_sub(1)..(c + 2).min(n);
-        middle.into_iter().flat_map(move |(x, z)| {
-            span(z, grid.height).flat_map(move |z| {
-                span(x, grid.width).flat_map(move |x| {
-                    let cell = z * grid.width + x;
-                    let range = self.starts[cell] as usize..self.starts[cell + 1] as usize;
-                    self.by_cell[range].iter().map(|i| &self.points[*i as usize])
-                })
-            })
-        })
+        self.standing.near(at, self)
+    }
+
+    /// The same for points on the ground and up to a kerb above and below it.
+    pub fn near_ground(&self, at: &Point2<f64>) -> impl Iterator<Item = &CloudPoint> {
+        self.lying.near(at, self)
     }
 
     /// Where a point lies beside the path.
@@ -225,23 +232,48 @@ impl Cloud {
     }
 }
 
-/// Counting sort of the points above the ground by the cell of its grid.
-fn index_standing(points: &[CloudPoint], ground: &Ground, above_m: f32) -> (Vec<u32>, Vec<u32>) {
-    let cell = |p: &CloudPoint| {
-        (p.height_m > above_m).then(|| ground.grid().index(&Point2::new(p.position.x, p.position.z))).flatten()
-    };
-    let mut starts = vec![0_u32; ground.grid().len() + 1];
-    points.iter().filter_map(cell).for_each(|c| starts[c + 1] += 1);
-    for i in 1..starts.len() {
-        starts[i] += starts[i - 1];
-    }
-    let mut next = starts.clone();
-    let mut by_cell = vec![0_u32; starts.last().map_or(0, |n| *n as usize)];
-    for (i, p) in points.iter().enumerate() {
-        if let Some(c) = cell(p) {
-            by_cell[next[c] as usize] = i as u32;
-            next[c] += 1;
+/// Scans from places nearer than this are the same view, metres: what hides
+/// something from one hides it from the other.
+const SAME_VIEW_M: f64 = 0.5;
+
+fn view_weights(sensor_map: &[Point3<f64>]) -> Vec<f64> {
+    let same = |a: &Point3<f64>| sensor_map.iter().filter(|b| (a - **b).norm() < SAME_VIEW_M).count();
+    sensor_map.iter().map(|a| (same(a) as f64).recip()).collect()
+}
+
+impl ByCell {
+    /// Counting sort of the points at some heights above the ground.
+    fn new(points: &[CloudPoint], ground: &Ground, is_wanted: impl Fn(f32) -> bool) -> Self {
+        let cell = |p: &CloudPoint| {
+            is_wanted(p.height_m).then(|| ground.grid().index(&Point2::new(p.position.x, p.position.z))).flatten()
+        };
+        let mut starts = vec![0_u32; ground.grid().len() + 1];
+        points.iter().filter_map(cell).for_each(|c| starts[c + 1] += 1);
+        for i in 1..starts.len() {
+            starts[i] += starts[i - 1];
         }
+        let mut next = starts.clone();
+        let mut by_cell = vec![0_u32; starts.last().map_or(0, |n| *n as usize)];
+        for (i, p) in points.iter().enumerate() {
+            if let Some(c) = cell(p) {
+                by_cell[next[c] as usize] = i as u32;
+                next[c] += 1;
+            }
+        }
+        Self { points: by_cell, starts }
     }
-    (starts, by_cell)
+
+    fn near<'a>(&'a self, at: &Point2<f64>, cloud: &'a Cloud) -> impl Iterator<Item = &'a CloudPoint> {
+        let grid = cloud.ground.grid();
+        let span = |c: usize, n: usize| c.saturating_sub(1)..(c + 2).min(n);
+        grid.cell(at).into_iter().flat_map(move |(x, z)| {
+            span(z, grid.height).flat_map(move |z| {
+                span(x, grid.width).flat_map(move |x| {
+                    let cell = z * grid.width + x;
+                    let range = self.starts[cell] as usize..self.starts[cell + 1] as usize;
+                    self.points[range].iter().map(|i| &cloud.points[*i as usize])
+                })
+            })
+        })
+    }
 }

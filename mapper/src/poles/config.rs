@@ -43,8 +43,25 @@ pub struct PoleConfig {
     pub beam_rad: f64,
     /// Distance within which a point belongs to the axis, metres.
     pub inlier_m: f64,
-    /// Usual tilt of a pole, radians: holds the slope of short ones.
+    /// Noise of a hit within its scan, metres: of its range and across its beam.
+    pub hit_noise_m: f64,
+    /// Noise of a scan's position, metres: all its hits share it.
+    pub pose_noise_m: f64,
+    /// How far the plumb line may be from the map's vertical, radians, one
+    /// standard deviation: the first camera does not stand level.
     pub usual_tilt_rad: f64,
+    /// How far a pole usually leans from the plumb line, radians: 1 cm per
+    /// metre is what they are put up with. Holds the slope of short ones.
+    pub usual_lean_rad: f64,
+    /// How much wider than the post a slice is that a sign hangs in, metres:
+    /// less is noise.
+    pub wider_m: f64,
+    /// Radii around the foot within which the ground is looked for, metres, as
+    /// near as there are enough points: a kerb may be half a metre off.
+    pub foot_radii_m: [f64; 3],
+    /// Thickness of the layer of points that the ground makes around a foot,
+    /// metres: range noise, a rough surface and a slope of 10 %.
+    pub ground_layer_m: f64,
     /// Least radius, metres.
     pub thinnest_m: f64,
     /// Largest radius, metres: thicker things are no poles.
@@ -57,11 +74,29 @@ pub struct PoleConfig {
     /// Least share of the expected points: fewer mean that a hedge or a fence
     /// stands before it, and that no camera sees it.
     pub least_visibility: f64,
+    /// The same for a pole that stands close before something: what sticks out
+    /// of a hedge here and there is seen little.
+    pub least_visibility_before: f64,
+    /// A pole close before something stands out where it has so many times the
+    /// points of the fullest place around it.
+    pub stands_out: f64,
+    /// And so many points more than that.
+    pub stands_out_by: u32,
+    /// Distance of these places from it, metres: as far as a pole's own points
+    /// never reach.
+    pub beside_m: f64,
+    /// Its points lie within this of its column, metres.
+    pub before_reach_m: f64,
+    /// Least length over which it stands out, metres.
+    pub least_before_m: f64,
     /// Longest gap between points along one pole, metres.
     pub longest_gap_m: f64,
     /// Highest foot of a pole whose lower end cannot be seen, metres above
     /// ground: a hedge hides the rest.
     pub highest_foot_m: f64,
+    /// The same for what carries sheeting, metres: the lower edge of a sign over
+    /// a footway.
+    pub highest_foot_sign_m: f64,
     /// A foot lower than this reaches the ground, metres.
     pub foot_m: f64,
     /// Fewest points.
@@ -71,6 +106,9 @@ pub struct PoleConfig {
     pub fewest_scans: usize,
     /// Least share of a post's length that is free: signs and boxes hang on it.
     pub least_free_share: f64,
+    /// The same for what carries sheeting: a post with a sign may stand in a
+    /// hedge up to it.
+    pub least_free_share_sign: f64,
     /// The same for what is thicker than a post: else it is a banner, a person
     /// or a corner of something.
     pub least_free_share_thick: f64,
@@ -86,11 +124,33 @@ pub struct PoleConfig {
     /// Largest share of a low post's slices in which something reaches from it
     /// outwards: a post of a fence carries its rails.
     pub largest_attached_share: f64,
+    /// Length that a rail of a fence is followed from its post, metres.
+    pub rail_m: f64,
+    /// Half the width within which it lies, metres: noise.
+    pub rail_half_width_m: f64,
+    /// Lowest rail, metres above ground: below it is grass.
+    pub lowest_rail_m: f64,
+    /// Longest span of a fence between two posts, metres.
+    pub fence_span_m: f64,
+    /// How far a post may be off the line of a rail, metres: its direction is
+    /// known to 10 degrees.
+    pub fence_off_line_m: f64,
+    /// The posts of one fence are as high as each other within this, metres:
+    /// a slope, and how far apart the beams are.
+    pub fence_height_m: f64,
+    /// Least radius of a pillar that carries a roof, metres: thinner ones carry
+    /// lamps and signs.
+    pub pillar_radius_m: f64,
+    /// Least and largest side of a rectangle of pillars, metres: closer ones
+    /// are the masts of one sign, and no beam of a light roof spans more.
+    pub pillars_apart_m: [f64; 2],
+    /// How far a pillar may be from the corner of the rectangle, metres.
+    pub pillars_off_m: f64,
     /// Top of what ends below any sign, metres above ground.
     pub short_top_m: f64,
     /// Largest radius of what ends below any sign, metres: delineators and
-    /// bollards are tubes of 6 to 12 cm across, what is thicker is a gate post,
-    /// a person or a box.
+    /// bollards are tubes of 6 to 12 cm across, measured to 3 cm; what is thicker
+    /// is a gate post, a person or a box.
     pub thickest_short_m: f64,
     /// Reflectance of retro-reflective sheeting: the lidar saturates on it.
     pub least_reflectance: f32,
@@ -138,26 +198,49 @@ impl Default for PoleConfig {
             noise_m: 0.04,
             beam_rad: 0.002,
             inlier_m: 0.2,
+            hit_noise_m: 0.02,
+            pose_noise_m: 0.02,
             usual_tilt_rad: 0.04,
+            usual_lean_rad: 0.01,
+            wider_m: 0.05,
+            foot_radii_m: [0.3, 0.5, 0.8],
+            ground_layer_m: 0.1,
             thinnest_m: 0.03,
             thickest_m: 0.35,
             surface_sigma_m: 0.02,
             farthest_m: 40.0,
             least_visibility: 0.08,
+            least_visibility_before: 0.25,
+            stands_out: 1.5,
+            stands_out_by: 4,
+            beside_m: 0.3,
+            before_reach_m: 0.15,
+            least_before_m: 0.8,
             longest_gap_m: 0.8,
             highest_foot_m: 2.0,
+            highest_foot_sign_m: 2.5,
             foot_m: 0.6,
             fewest_points: 9,
             fewest_scans: 2,
             least_free_share: 0.35,
+            least_free_share_sign: 0.25,
             least_free_share_thick: 0.6,
             post_radius_m: 0.12,
             crown_share: 0.015,
             lowest_top_m: 0.75,
             least_free_hanging_m: 1.1,
             largest_attached_share: 0.5,
+            rail_m: 0.5,
+            rail_half_width_m: 0.08,
+            lowest_rail_m: 0.35,
+            fence_span_m: 3.0,
+            fence_off_line_m: 0.5,
+            fence_height_m: 0.2,
+            pillar_radius_m: 0.13,
+            pillars_apart_m: [2.5, 12.0],
+            pillars_off_m: 0.3,
             short_top_m: 2.0,
-            thickest_short_m: 0.12,
+            thickest_short_m: 0.09,
             least_reflectance: 0.7,
             sheeting_reflectance: 0.9,
             reflector_m: [0.35, 1.2],

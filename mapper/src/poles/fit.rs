@@ -1,14 +1,12 @@
 //! The axis of a pole through the points of a stack.
 
-use std::f64::consts::FRAC_PI_4;
+use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
-use nalgebra::{Matrix5, Point2, Point3, RowSVector, Vector2, Vector3, Vector5};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
-
+use super::axis::{Axis, Hit, Plumb, SHELL_SPREAD, above, lowest_layer_m, radius_across, ransac, refine, slim};
+use super::fences::rail;
 use super::{PoleConfig, Stack};
 use crate::cloud::{Cloud, CloudPoint};
-use crate::lidar::{LidarConfig, View};
+use crate::lidar::{LidarConfig, View, Viewpoint};
 
 /// A pole as fitted.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,6 +32,8 @@ pub struct FittedPole {
     pub scans: usize,
     /// Points on the free part over those expected were nothing in the way.
     pub visibility: f64,
+    /// Whether it was in view from near enough to expect points at all.
+    pub was_near: bool,
     /// Length of the free part, metres.
     pub free_m: f64,
     /// Whether it ends where the scanners' field of view does.
@@ -41,8 +41,15 @@ pub struct FittedPole {
     /// Share of its slices in which something reaches from it outwards: rails
     /// of a fence, boards, a hedge that it stands in.
     pub attached_share: f64,
+    /// Direction, map (x, z), in which the rail of a fence goes out from it.
+    pub rail: Option<Vector2<f64>>,
     /// Largest reflectance that at least three of its points have.
     pub reflectance: f32,
+    /// Slope of the axis, `(dx, dz)` per metre upwards, as its points and
+    /// the plumb line tell it.
+    pub slope: Vector2<f64>,
+    /// Covariance of the slope that its points alone leave, rad^2.
+    pub slope_covariance: Matrix2<f64>,
 }
 
 impl FittedPole {
@@ -51,148 +58,6 @@ impl FittedPole {
         (self.top - self.foot).angle(&-Vector3::y())
     }
 }
-
-/// An axis over height: `(x, z) = base + slope * height`, and how far the
-/// visible surface lies before it, as seen from the lidar.
-#[derive(Debug, Clone, Copy)]
-struct Axis {
-    base: Vector2<f64>,
-    slope: Vector2<f64>,
-    /// Mean distance of the hits before the axis, metres: `pi / 4` radii.
-    before_m: f64,
-}
-
-/// A point near a stack: place, height along -y, and direction from the lidar.
-#[derive(Clone, Copy)]
-struct Hit {
-    at: Vector2<f64>,
-    height: f64,
-    above_ground: f64,
-    from_lidar: Vector2<f64>,
-    scan: u16,
-    range: f64,
-    reflectance: f32,
-}
-
-impl Hit {
-    fn new(p: &CloudPoint, cloud: &Cloud) -> Self {
-        let sensor = cloud.sensor_map[usize::from(p.scan)];
-        let at = Vector2::new(p.position.x, p.position.z);
-        let from_lidar = (at - Vector2::new(sensor.x, sensor.z)).try_normalize(1e-6).unwrap_or_else(Vector2::y);
-        Self {
-            at,
-            height: -p.position.y,
-            above_ground: f64::from(p.height_m),
-            from_lidar,
-            scan: p.scan,
-            range: f64::from(p.range_m),
-            reflectance: p.reflectance,
-        }
-    }
-}
-
-impl Axis {
-    fn at(&self, height: f64) -> Vector2<f64> {
-        self.base + self.slope * height
-    }
-    fn residual(&self, hit: &Hit) -> Vector2<f64> {
-        hit.at - (self.at(hit.height) - hit.from_lidar * self.before_m)
-    }
-}
-
-/// RANSAC trials: a line through two of the points, of which at least half
-/// are on the pole, is missed by all with a chance of 0.75^64 = 1e-8.
-const TRIALS: usize = 64;
-/// Least difference in height of two points that tell a slope, metres.
-const SLOPE_BASE_M: f64 = 0.3;
-
-fn ransac(hits: &[Hit], config: &PoleConfig) -> Axis {
-    let mut rng = Pcg64Mcg::seed_from_u64(hits.len() as u64);
-    let steepest = config.largest_tilt_rad.tan();
-    let upright = |h: &Hit, slope: Vector2<f64>| Axis { base: h.at - slope * h.height, slope, before_m: 0.0 };
-    let mut best = (f64::NEG_INFINITY, upright(&hits[0], Vector2::zeros()));
-    let mut try_axis = |axis: Axis| {
-        // MSAC: a truncated square tells a tight line from a loose one.
-        let score: f64 =
-            hits.iter().map(|h| 1.0 - (axis.residual(h).norm_squared() / config.inlier_m.powi(2)).min(1.0)).sum();
-        if score > best.0 {
-            best = (score, axis);
-        }
-    };
-    for _ in 0..TRIALS {
-        let a = &hits[rng.random_range(0..hits.len())];
-        let b = &hits[rng.random_range(0..hits.len())];
-        // Short stacks do not tell their tilt: the vertical is a candidate.
-        try_axis(upright(a, Vector2::zeros()));
-        let rise = a.height - b.height;
-        if rise.abs() > SLOPE_BASE_M {
-            let slope = (a.at - b.at) / rise;
-            if slope.norm() <= steepest {
-                try_axis(upright(a, slope));
-            }
-        }
-    }
-    best.1
-}
-
-/// Radius from the width across the view: the hits on a round pole are spread
-/// evenly over its width, whichever side it is seen from.
-fn radius_across(hits: &[Hit], axis: &Axis, config: &PoleConfig) -> f64 {
-    let mut across: Vec<f64> = hits.iter().map(|h| (h.at - axis.at(h.height)).perp(&h.from_lidar).abs()).collect();
-    across.sort_by(f64::total_cmp);
-    let half_width = across.get(across.len() * 9 / 10).map_or(0.0, |a| a / 0.9);
-    // The noise widens it: 1.3 standard deviations are a nine in ten share too.
-    let noise = 1.3 * config.noise_m / 0.9;
-    (half_width.powi(2) - noise.powi(2)).max(config.thinnest_m.powi(2)).sqrt()
-}
-
-/// Robust least squares for base, slope and the distance of the surface:
-/// linear in all five, with priors that hold what short stacks and views from
-/// one side leave open.
-fn refine(hits: &[Hit], start: Axis, config: &PoleConfig) -> Axis {
-    let mut axis = start;
-    let middle = hits.iter().map(|h| h.height).sum::<f64>() / hits.len() as f64;
-    // Scans with many hits must not outvote the view from the other side.
-    let scans = hits.iter().map(|h| usize::from(h.scan) + 1).max().unwrap_or(0);
-    let mut per_scan = vec![0.0_f64; scans];
-    for h in hits {
-        per_scan[usize::from(h.scan)] += 1.0;
-    }
-    for _ in 0..8 {
-        let radius = radius_across(hits, &axis, config);
-        let scale = config.noise_m.powi(2) + (SHELL_SPREAD * radius).powi(2);
-        let (mut h, mut g) = (Matrix5::zeros(), Vector5::zeros());
-        for hit in hits {
-            let scaled = axis.residual(hit).norm_squared() / scale;
-            let balance = per_scan[usize::from(hit.scan)].sqrt().recip();
-            let weight = balance / (1.0 + scaled / 4.0).powi(2);
-            let t = hit.height - middle;
-            for (k, u) in [(0, hit.from_lidar.x), (1, hit.from_lidar.y)] {
-                let mut row = RowSVector::<f64, 5>::zeros();
-                row[k] = 1.0;
-                row[2 + k] = t;
-                row[4] = -u;
-                h += row.transpose() * row * weight;
-                g += row.transpose() * (hit.at[k] * weight);
-            }
-        }
-        for k in [2, 3] {
-            h[(k, k)] += scale / config.usual_tilt_rad.powi(2);
-        }
-        let prior = scale / config.surface_sigma_m.powi(2);
-        h[(4, 4)] += prior;
-        g[4] += prior * radius * FRAC_PI_4;
-        let Some(solver) = h.cholesky() else { return axis };
-        let s = solver.solve(&g);
-        let slope = Vector2::new(s[2], s[3]);
-        axis = Axis { base: Vector2::new(s[0], s[1]) - slope * middle, slope, before_m: s[4].max(0.0) };
-    }
-    axis
-}
-
-/// Root mean square distance of hits on a cylinder of unit radius, even over
-/// its width, from their mean: `sqrt(1/3 + 2/3 - (pi/4)^2)`.
-const SHELL_SPREAD: f64 = 0.62;
 
 /// Fewest points that tell that something is there: one or two are strays.
 const FEWEST_BESIDE: u32 = 3;
@@ -228,6 +93,7 @@ pub fn fit_pole<'a>(
     cloud: &Cloud,
     near: impl Iterator<Item = &'a CloudPoint>,
     stack: &Stack,
+    plumb: &Plumb,
     config: &PoleConfig,
     lidar: &LidarConfig,
 ) -> Option<FittedPole> {
@@ -242,8 +108,8 @@ pub fn fit_pole<'a>(
     if in_run.len() < config.fewest_points / 2 {
         return None;
     }
-    let axis = refine(&in_run, ransac(&in_run, config), config);
     let inlier_m = config.inlier_m.min(stack.reach_m);
+    let axis = refine(&in_run, ransac(&in_run, inlier_m, plumb, config)?, plumb, config);
     // Follow the axis up and down as far as points go on without a gap.
     let mut on: Vec<Hit> =
         hits.iter().copied().filter(|h| axis.residual(h).norm() < inlier_m && h.above_ground <= stack.end_m).collect();
@@ -255,64 +121,103 @@ pub fn fit_pole<'a>(
     if free.len() < config.fewest_points {
         return None;
     }
-    let axis = refine(&free, axis, config);
-    let residuals: f64 = free.iter().map(|h| axis.residual(h).norm_squared()).sum();
-    let radius_m = radius_across(&free, &axis, config);
-    let beams = free.iter().map(|h| (config.beam_rad * h.range).powi(2)).sum::<f64>();
-    let explained = (SHELL_SPREAD * radius_m).powi(2) + beams / free.len() as f64;
-    let mut scans: Vec<u16> = free.iter().map(|h| h.scan).collect();
+    let axis = refine(&free, axis, plumb, config);
+    let post = slim(&free, &axis, config);
+    let axis = refine(&post, axis, plumb, config);
+    let post = slim(&free, &axis, config);
+    let axis = refine(&post, axis, plumb, config);
+    describe(cloud, &Seen { hits: &hits, run, free: &free, post: &post }, &axis, config, lidar)
+}
+
+/// The hits on and around a pole.
+struct Seen<'a> {
+    /// All around it.
+    hits: &'a [Hit],
+    /// Those along its axis, from below.
+    run: &'a [Hit],
+    /// Of these, those with free space around.
+    free: &'a [Hit],
+    /// Of these, those on the post itself.
+    post: &'a [Hit],
+}
+
+fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar: &LidarConfig) -> Option<FittedPole> {
+    let residuals: f64 = seen.post.iter().map(|h| axis.residual(h).norm_squared()).sum();
+    let radius_m = radius_across(seen.post, axis, config);
+    let beams = seen.post.iter().map(|h| (config.beam_rad * h.range).powi(2)).sum::<f64>();
+    let explained = (SHELL_SPREAD * radius_m).powi(2) + beams / seen.post.len() as f64;
+    let mut scans: Vec<u16> = seen.free.iter().map(|h| h.scan).collect();
     scans.sort_unstable();
     scans.dedup();
-    let mut slices: Vec<i64> = free.iter().map(|h| (h.above_ground / config.slice_m).floor() as i64).collect();
+    let mut slices: Vec<i64> = seen.free.iter().map(|h| (h.above_ground / config.slice_m).floor() as i64).collect();
     slices.sort_unstable();
     slices.dedup();
 
-    let mut bright: Vec<f32> = run.iter().map(|h| h.reflectance).collect();
+    let mut bright: Vec<f32> = seen.run.iter().map(|h| h.reflectance).collect();
     bright.sort_by(|a, b| b.total_cmp(a));
     let point = |height: f64| {
         let at = axis.at(height);
         Point3::new(at.x, -height, at.y)
     };
-    let above_ground = |height: f64| {
-        let at = axis.at(height);
-        cloud.ground.height_m(&Point2::new(at.x, at.y)).map(|g| height - g)
-    };
-    let (lowest, highest) = (run.first()?.height, run.last()?.height);
-    let mut foot_height_m = above_ground(lowest)?;
-    // The foot is on the ground, not where the beams, the grass or a hedge end.
-    let foot = lowest - foot_height_m;
+    let (first, last) = (seen.run.first()?, seen.run.last()?);
+    let (lowest, highest) = (first.height, last.height);
+    let foot = ground_under(cloud, axis, lowest, config)?;
+    let mut foot_height_m = lowest - foot;
     if foot_height_m < config.foot_m {
         foot_height_m = 0.0;
     }
-    let mid = axis.at(f64::midpoint(lowest, highest));
-    let from = cloud.sensor_map.iter().map(|s| ((Vector2::new(s.x, s.z) - mid).norm(), -s.y));
-    let view = View::new(from, config.farthest_m, lidar);
-    let ground_m = lowest - above_ground(lowest)?;
+    let ends_m = (first.above_ground, last.above_ground);
+    let view = viewpoints(cloud, axis.at(f64::midpoint(lowest, highest)), config, lidar);
     let width_m = 2.0 * radius_m;
     let expected: f64 = slices
         .iter()
-        .map(|s| ground_m + (*s as f64 + 0.5) * config.slice_m)
+        .map(|s| foot + (*s as f64 + 0.5) * config.slice_m)
         .map(|height| view.expected(height, config.slice_m, width_m))
         .sum();
+    let hit: f64 = seen.free.iter().map(|h| cloud.view_weight[usize::from(h.scan)]).sum();
     Some(FittedPole {
         foot: point(foot),
         top: point(highest),
         foot_height_m,
-        top_height_m: above_ground(highest)?,
+        top_height_m: highest - foot,
         radius_m,
-        spread_m: (residuals / free.len() as f64 - explained).max(0.0).sqrt(),
-        points: free.len(),
+        spread_m: (residuals / seen.post.len() as f64 - explained).max(0.0).sqrt(),
+        points: seen.free.len(),
         scans: scans.len(),
-        visibility: free.len() as f64 / expected.max(1.0),
+        visibility: hit / expected.max(1.0),
+        was_near: expected >= 1.0,
         free_m: slices.len() as f64 * config.slice_m,
         top_is_open: highest > view.ceiling() - config.longest_gap_m,
-        attached_share: attached_share(
-            &hits,
-            &axis,
-            radius_m,
-            (run.first()?.above_ground, run.last()?.above_ground),
-            config,
-        ),
+        attached_share: attached_share(seen.hits, axis, radius_m, ends_m, config),
+        rail: rail(seen.hits, axis, radius_m, ends_m, config),
         reflectance: bright.get(2).copied().unwrap_or(0.0),
+        slope: axis.slope,
+        slope_covariance: axis.slope_covariance,
     })
+}
+
+fn viewpoints<'a>(cloud: &Cloud, at: Vector2<f64>, config: &PoleConfig, lidar: &'a LidarConfig) -> View<'a> {
+    let from = cloud.sensor_map.iter().zip(&cloud.view_weight).map(|(s, weight)| Viewpoint {
+        distance_m: (Vector2::new(s.x, s.z) - at).norm(),
+        height: -s.y,
+        weight: *weight,
+    });
+    View::new(from, config.farthest_m, lidar)
+}
+
+/// Height (along -y of the map, metres) of the ground where an axis meets it:
+/// of the points close to it, for a kerb may be near, else of the height map.
+fn ground_under(cloud: &Cloud, axis: &Axis, lowest: f64, config: &PoleConfig) -> Option<f64> {
+    let coarse = cloud.ground.height_m(&above(axis.at(lowest)))?;
+    let at = axis.at(coarse);
+    let near: Vec<(f64, f64)> = cloud
+        .near_ground(&above(at))
+        .map(|p| ((Vector2::new(p.position.x, p.position.z) - at).norm(), -p.position.y))
+        .collect();
+    let around = |radius_m: f64| {
+        let mut heights: Vec<f64> = near.iter().filter(|p| p.0 < radius_m).map(|p| p.1).collect();
+        heights.sort_by(f64::total_cmp);
+        lowest_layer_m(&heights, config.ground_layer_m, config.fewest_points)
+    };
+    Some(config.foot_radii_m.iter().find_map(|radius_m| around(*radius_m)).unwrap_or(coarse))
 }

@@ -37,6 +37,8 @@ pub struct Stack {
     pub reach_m: f64,
     /// Height above which nothing belongs to it, metres above ground.
     pub end_m: f64,
+    /// Whether it stands close before something, from which it stands out.
+    pub is_before: bool,
     /// Slices that are occupied and free around.
     free: u64,
 }
@@ -54,6 +56,7 @@ impl Stack {
             score: f64::from(count),
             reach_m: config.reflector_reach_m,
             end_m: high_m,
+            is_before: false,
             free: (1 << count) - 1,
         }
     }
@@ -137,24 +140,98 @@ impl Stacks {
     pub fn find(&self, config: &PoleConfig) -> Vec<Stack> {
         let core = around(0.0, config.core_radius_m, self.grid.cell_m);
         let ring = around(config.ring_inner_m, config.ring_outer_m, self.grid.cell_m);
+        self.best(config.ring_outer_m, |i| self.stack_at(i, &core, &ring, config))
+    }
+
+    /// The stacks that stand out from a hedge or a wall close behind them or
+    /// around them: at least so many times fuller than every place beside them,
+    /// slice after slice. A hedge is as full there as here, and so is a wall.
+    pub fn find_before(&self, config: &PoleConfig) -> Vec<Stack> {
+        let core = around(0.0, self.grid.cell_m, self.grid.cell_m);
+        let off = (config.beside_m / self.grid.cell_m).round() as isize;
+        let aslant = (config.beside_m / self.grid.cell_m / std::f64::consts::SQRT_2).ceil() as isize;
+        let beside: Vec<Vec<(isize, isize)>> = [
+            (off, 0),
+            (-off, 0),
+            (0, off),
+            (0, -off),
+            (aslant, aslant),
+            (aslant, -aslant),
+            (-aslant, aslant),
+            (-aslant, -aslant),
+        ]
+        .iter()
+        .map(|(x, z)| core.iter().map(|(dx, dz)| (x + dx, z + dz)).collect())
+        .collect();
+        self.best(config.beside_m, |i| self.before_at(i, &core, &beside, config))
+    }
+
+    /// The stacks of all columns, best first, none within `apart_m` of a
+    /// better one at the same height.
+    fn best(&self, apart_m: f64, at: impl Fn(usize) -> Option<Stack> + Sync) -> Vec<Stack> {
         let mut found: Vec<(usize, Stack)> = (0..self.grid.len())
             .into_par_iter()
             .filter(|i| self.starts[*i] != self.starts[*i + 1])
-            .filter_map(|i| Some((i, self.stack_at(i, &core, &ring, config)?)))
+            .filter_map(|i| Some((i, at(i)?)))
             .collect();
         found.sort_by(|a, b| b.1.score.total_cmp(&a.1.score).then(a.0.cmp(&b.0)));
         let mut kept: Vec<Stack> = Vec::new();
         for (_, stack) in found {
             let apart = kept.iter().all(|k| {
-                (k.centre - stack.centre).norm() > config.ring_outer_m
-                    || stack.low_m > k.high_m
-                    || k.low_m > stack.high_m
+                (k.centre - stack.centre).norm() > apart_m || stack.low_m > k.high_m || k.low_m > stack.high_m
             });
             if apart {
                 kept.push(stack);
             }
         }
         kept
+    }
+
+    fn before_at(
+        &self,
+        index: usize,
+        core: &[(isize, isize)],
+        beside: &[Vec<(isize, isize)>],
+        config: &PoleConfig,
+    ) -> Option<Stack> {
+        let cell = (index % self.grid.width, index / self.grid.width);
+        let least = config.least_before_m / config.slice_m;
+        // Its own column first: most columns of a hedge are told by that.
+        let fewest = config.stands_out_by;
+        let full = |counts: &[u32; SLICES]| counts.iter().filter(|n| **n >= fewest).count() as f64 >= least;
+        if (self.column(index).len() as f64) < least * f64::from(fewest) / 2.0 {
+            return None;
+        }
+        let inside = self.count(cell, core);
+        if !full(&inside) {
+            return None;
+        }
+        let mut fullest = [0_u32; SLICES];
+        for steps in beside {
+            for (most, n) in fullest.iter_mut().zip(self.count(cell, steps)) {
+                *most = (*most).max(n);
+            }
+        }
+        let (mut filled, mut hindered) = (0_u64, 0_u64);
+        for s in 0..SLICES {
+            let bit = 1 << s;
+            let needed = config.stands_out * f64::from(fullest[s]) + f64::from(fewest);
+            filled |= if inside[s] > 0 { bit } else { 0 };
+            hindered |= if f64::from(inside[s]) < needed { bit } else { 0 };
+        }
+        let (score, low, high) = best_run(filled, hindered);
+        let height = |slice: usize| self.lowest_m + slice as f64 * self.slice_m;
+        let fuller = self.column(index).len() as f64 * 1e-6;
+        (score >= least).then(|| Stack {
+            centre: self.grid.centre(index),
+            low_m: height(low),
+            high_m: height(high + 1),
+            score: score + fuller,
+            reach_m: config.before_reach_m,
+            end_m: height(high + 1),
+            is_before: true,
+            free: filled & !hindered,
+        })
     }
 
     fn stack_at(
@@ -186,6 +263,7 @@ impl Stacks {
             score: score + fuller,
             reach_m: config.ring_inner_m,
             end_m: f64::INFINITY,
+            is_before: false,
             free: filled & !hindered,
         })
     }

@@ -1,0 +1,293 @@
+//! The axis of a pole: robust least squares over the hits of many scans.
+
+use std::f64::consts::FRAC_PI_4;
+
+use nalgebra::{Matrix2, Matrix5, Point2, RowSVector, Vector2, Vector5};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use super::PoleConfig;
+use crate::cloud::{Cloud, CloudPoint};
+
+/// A point near a stack: place, height along -y, and direction from the lidar.
+#[derive(Clone, Copy)]
+pub(super) struct Hit {
+    pub at: Vector2<f64>,
+    pub height: f64,
+    pub above_ground: f64,
+    pub from_lidar: Vector2<f64>,
+    pub scan: u16,
+    pub range: f64,
+    pub reflectance: f32,
+}
+
+impl Hit {
+    pub fn new(p: &CloudPoint, cloud: &Cloud) -> Self {
+        let sensor = cloud.sensor_map[usize::from(p.scan)];
+        let at = Vector2::new(p.position.x, p.position.z);
+        let from_lidar = (at - Vector2::new(sensor.x, sensor.z)).try_normalize(1e-6).unwrap_or_else(Vector2::y);
+        Self {
+            at,
+            height: -p.position.y,
+            above_ground: f64::from(p.height_m),
+            from_lidar,
+            scan: p.scan,
+            range: f64::from(p.range_m),
+            reflectance: p.reflectance,
+        }
+    }
+}
+
+/// An axis over height: `(x, z) = base + slope * height`, and how far the
+/// visible surface lies before it, as seen from the lidar.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Axis {
+    pub base: Vector2<f64>,
+    pub slope: Vector2<f64>,
+    /// Mean distance of the hits before the axis, metres: `pi / 4` radii.
+    pub before_m: f64,
+    /// Covariance of the slope that the hits alone leave, rad^2.
+    pub slope_covariance: Matrix2<f64>,
+}
+
+impl Axis {
+    pub fn at(&self, height: f64) -> Vector2<f64> {
+        self.base + self.slope * height
+    }
+
+    pub fn residual(&self, hit: &Hit) -> Vector2<f64> {
+        hit.at - (self.at(hit.height) - hit.from_lidar * self.before_m)
+    }
+
+    /// Distance of a hit from the axis across the view, metres.
+    pub fn across_m(&self, hit: &Hit) -> f64 {
+        (hit.at - self.at(hit.height)).perp(&hit.from_lidar).abs()
+    }
+}
+
+/// Which way poles stand: the slope over height of the plumb line in the map,
+/// and how far poles lean from it. The first camera does not stand level, so
+/// the map's vertical is not it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plumb {
+    /// `(dx, dz)` per metre upwards.
+    pub slope: Vector2<f64>,
+    /// Usual lean, radians, one standard deviation along each axis.
+    pub lean_rad: f64,
+}
+
+impl Plumb {
+    /// What is known before any pole is: the map's vertical, and that the
+    /// first camera stands level to some degrees.
+    pub fn of_map(config: &PoleConfig) -> Self {
+        Self { slope: Vector2::zeros(), lean_rad: config.usual_tilt_rad }
+    }
+
+    /// The plumb line that poles of given slopes and slope covariances share:
+    /// their mean, each weighted by what it knows and how far poles lean;
+    /// those that lean much count little (Cauchy).
+    pub fn of_poles(poles: &[(Vector2<f64>, Matrix2<f64>)], config: &PoleConfig) -> Self {
+        let lean = Matrix2::identity() * config.usual_lean_rad.powi(2);
+        let mut slope = Vector2::zeros();
+        let mut left = config.usual_tilt_rad;
+        for _ in 0..10 {
+            let mut h = Matrix2::identity() / config.usual_tilt_rad.powi(2);
+            let mut g = Vector2::zeros();
+            for (of_pole, covariance) in poles {
+                let Some(weight) = (covariance + lean).try_inverse() else { continue };
+                let off = of_pole - slope;
+                let robust = (1.0 + off.dot(&(weight * off)) / LEANING).recip();
+                h += weight * robust;
+                g += weight * of_pole * robust;
+            }
+            let Some(covariance) = h.try_inverse() else { break };
+            slope = covariance * g;
+            left = (covariance.trace() / 2.0).sqrt();
+        }
+        Self { slope, lean_rad: config.usual_lean_rad.hypot(left) }
+    }
+}
+
+/// Squared standard deviations from which on a pole counts as one that leans:
+/// the usual lean then says little about it.
+const LEANING: f64 = 6.0;
+
+/// RANSAC trials: a line through two of the points, of which at least half
+/// are on the pole, is missed by all with a chance of 0.75^64 = 1e-8.
+const TRIALS: usize = 64;
+/// Least difference in height of two points that tell a slope, metres.
+const SLOPE_BASE_M: f64 = 0.3;
+
+/// The best of some lines through two hits, or upright through one; none
+/// without hits.
+pub(super) fn ransac(hits: &[Hit], inlier_m: f64, plumb: &Plumb, config: &PoleConfig) -> Option<Axis> {
+    let mut rng = Pcg64Mcg::seed_from_u64(hits.len() as u64);
+    let steepest = config.largest_tilt_rad.tan();
+    let through = |h: &Hit, slope: Vector2<f64>| Axis {
+        base: h.at - slope * h.height,
+        slope,
+        before_m: 0.0,
+        slope_covariance: Matrix2::identity(),
+    };
+    let mut best = (f64::NEG_INFINITY, through(hits.first()?, plumb.slope));
+    let mut try_axis = |axis: Axis| {
+        // MSAC: a truncated square tells a tight line from a loose one.
+        let score: f64 = hits.iter().map(|h| 1.0 - (axis.residual(h).norm_squared() / inlier_m.powi(2)).min(1.0)).sum();
+        if score > best.0 {
+            best = (score, axis);
+        }
+    };
+    for _ in 0..TRIALS {
+        let a = &hits[rng.random_range(0..hits.len())];
+        let b = &hits[rng.random_range(0..hits.len())];
+        // Short stacks do not tell their tilt: the plumb line is a candidate.
+        try_axis(through(a, plumb.slope));
+        let rise = a.height - b.height;
+        if rise.abs() > SLOPE_BASE_M {
+            let slope = (a.at - b.at) / rise;
+            if slope.norm() <= steepest {
+                try_axis(through(a, slope));
+            }
+        }
+    }
+    Some(best.1)
+}
+
+/// Radius from the width across the view: the hits on a round pole are spread
+/// evenly over its width, whichever side it is seen from.
+pub(super) fn radius_across(hits: &[Hit], axis: &Axis, config: &PoleConfig) -> f64 {
+    let mut across: Vec<f64> = hits.iter().map(|h| axis.across_m(h)).collect();
+    across.sort_by(f64::total_cmp);
+    let half_width = across.get(across.len() * 9 / 10).map_or(0.0, |a| a / 0.9);
+    // The noise widens it: 1.3 standard deviations are a nine in ten share too.
+    let noise = 1.3 * config.noise_m / 0.9;
+    (half_width.powi(2) - noise.powi(2)).max(config.thinnest_m.powi(2)).sqrt()
+}
+
+/// Root mean square distance of hits on a cylinder of unit radius, even over
+/// its width, from their mean: `sqrt(1/3 + 2/3 - (pi/4)^2)`.
+pub(super) const SHELL_SPREAD: f64 = 0.62;
+
+/// What the hits of one scan add up to along one coordinate.
+#[derive(Clone, Copy)]
+struct OfScan {
+    weight: f64,
+    row: Vector5<f64>,
+    value: f64,
+}
+
+/// Robust least squares for base, slope and the distance of the surface:
+/// linear in all five, with priors that hold what short stacks and views from
+/// one side leave open.
+///
+/// The pose of each scan errs by a few centimetres, and all its hits with it:
+/// that common shift is integrated out (Woodbury), so that a scan that saw the
+/// lower half and another that saw the upper one make no tilt.
+pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, config: &PoleConfig) -> Axis {
+    let mut axis = start;
+    let middle = hits.iter().map(|h| h.height).sum::<f64>() / hits.len() as f64;
+    let scans = hits.iter().map(|h| usize::from(h.scan) + 1).max().unwrap_or(0);
+    let none = OfScan { weight: 0.0, row: Vector5::zeros(), value: 0.0 };
+    let shift = config.pose_noise_m.powi(2);
+    for _ in 0..8 {
+        let radius = radius_across(hits, &axis, config);
+        let scale = config.hit_noise_m.powi(2) + (SHELL_SPREAD * radius).powi(2);
+        let (mut h, mut g) = (Matrix5::zeros(), Vector5::zeros());
+        let mut of_scans = vec![[none; 2]; scans];
+        for hit in hits {
+            let scaled = axis.residual(hit).norm_squared() / (scale + shift);
+            let weight = (1.0 + scaled / 4.0).powi(2).recip() / scale;
+            let t = hit.height - middle;
+            for (k, u) in [(0, hit.from_lidar.x), (1, hit.from_lidar.y)] {
+                let mut row = RowSVector::<f64, 5>::zeros();
+                row[k] = 1.0;
+                row[2 + k] = t;
+                row[4] = -u;
+                h += row.transpose() * row * weight;
+                g += row.transpose() * (hit.at[k] * weight);
+                let sum = &mut of_scans[usize::from(hit.scan)][k];
+                sum.weight += weight;
+                sum.row += row.transpose() * weight;
+                sum.value += hit.at[k] * weight;
+            }
+        }
+        for sum in of_scans.iter().flatten() {
+            let known = shift / (1.0 + shift * sum.weight);
+            h -= sum.row * sum.row.transpose() * known;
+            g -= sum.row * (sum.value * known);
+        }
+        let prior = config.surface_sigma_m.powi(-2);
+        h[(4, 4)] += prior;
+        g[4] += prior * radius * FRAC_PI_4;
+        let slope_covariance = covariance_of_slope(h);
+        // A pole that its hits show to lean is let go of.
+        let off = axis.slope - plumb.slope;
+        let lean = plumb.lean_rad.powi(2);
+        let upright = (1.0 + off.norm_squared() / (lean * LEANING)).recip() / lean;
+        for k in [0, 1] {
+            h[(2 + k, 2 + k)] += upright;
+            g[2 + k] += upright * plumb.slope[k];
+        }
+        let Some(solver) = h.cholesky() else { return axis };
+        let s = solver.solve(&g);
+        let slope = Vector2::new(s[2], s[3]);
+        axis =
+            Axis { base: Vector2::new(s[0], s[1]) - slope * middle, slope, before_m: s[4].max(0.0), slope_covariance };
+    }
+    axis
+}
+
+/// Covariance of the slope from the information of all five; no knowledge at
+/// all where it cannot be told.
+fn covariance_of_slope(information: Matrix5<f64>) -> Matrix2<f64> {
+    // A slope of 1 rad is as good as unknown.
+    let whole = (information + Matrix5::from_diagonal(&Vector5::new(0.0, 0.0, 1.0, 1.0, 0.0))).try_inverse();
+    whole.map_or_else(Matrix2::identity, |c| c.fixed_view::<2, 2>(2, 2).into_owned())
+}
+
+/// The hits of the slices where it is slimmest: a sign on a post is wider than
+/// the post, stands before it and reaches to one side, and would bend its axis.
+pub(super) fn slim(hits: &[Hit], axis: &Axis, config: &PoleConfig) -> Vec<Hit> {
+    let slice = |h: &Hit| (h.above_ground / config.slice_m).floor() as i64;
+    let mut sorted: Vec<(i64, f64)> = hits.iter().map(|h| (slice(h), axis.across_m(h))).collect();
+    sorted.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let widths: Vec<(i64, f64)> = sorted
+        .chunk_by(|a, b| a.0 == b.0)
+        .filter(|of_slice| of_slice.len() >= FEWEST_ACROSS)
+        .map(|of_slice| of_slice[of_slice.len() * 8 / 10])
+        .collect();
+    let mut by_width: Vec<f64> = widths.iter().map(|w| w.1).collect();
+    by_width.sort_by(f64::total_cmp);
+    let Some(post_m) = by_width.get(by_width.len() / 4) else { return hits.to_vec() };
+    let widest_m = post_m + config.wider_m;
+    let wide: Vec<i64> = widths.iter().filter(|w| w.1 > widest_m).map(|w| w.0).collect();
+    let slices_left = widths.len() - wide.len();
+    let left: Vec<Hit> = hits.iter().filter(|h| wide.binary_search(&slice(h)).is_err()).copied().collect();
+    let tells = slices_left as f64 * config.slice_m >= config.least_free_m && left.len() >= config.fewest_points;
+    if tells { left } else { hits.to_vec() }
+}
+
+/// Fewest hits that tell how wide a slice is.
+const FEWEST_ACROSS: usize = 4;
+
+/// The median height of the ground around a place, from heights (metres,
+/// ascending) of all hits near it: of the lowest layer that holds a fair share of them.
+pub(super) fn lowest_layer_m(heights: &[f64], thickness_m: f64, fewest: usize) -> Option<f64> {
+    let most = (0..heights.len()).map(|i| layer(heights, i, thickness_m).len()).max()?;
+    if most < fewest {
+        return None;
+    }
+    // Grass and the foot of a hedge make layers, too, but above it.
+    let lowest = (0..heights.len()).map(|i| layer(heights, i, thickness_m)).find(|l| 2 * l.len() >= most)?;
+    lowest.get(lowest.len() / 2).copied()
+}
+
+fn layer(heights: &[f64], from: usize, thickness_m: f64) -> &[f64] {
+    let end = heights.partition_point(|h| *h < heights[from] + thickness_m);
+    &heights[from..end]
+}
+
+/// Place of a point above the ground plane.
+pub(super) fn above(at: Vector2<f64>) -> Point2<f64> {
+    at.into()
+}

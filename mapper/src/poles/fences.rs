@@ -1,0 +1,79 @@
+//! Fences: the rails that go out from their posts, and the rows that these make.
+
+use nalgebra::Vector2;
+
+use super::axis::{Axis, Hit};
+use super::{FittedPole, PoleConfig};
+
+/// Directions in which a rail is looked for: every 10 degrees, as wide as the
+/// tolerance across it at the far end of its reach.
+const DIRECTIONS: usize = 36;
+/// Length of the pieces of which a rail must have all but one, metres.
+const PIECE_M: f64 = 0.1;
+/// Height of the layers in which a rail is looked for, metres: they overlap by
+/// half, as a rail may lie across the border of two.
+const LAYER_M: f64 = 0.15;
+
+/// The direction, map (x, z), in which a rail goes out from a post: hits in one
+/// direction and at one height, from its surface on without a gap. What merely
+/// stands behind a post begins farther off.
+pub(super) fn rail(
+    hits: &[Hit],
+    axis: &Axis,
+    radius_m: f64,
+    (low_m, high_m): (f64, f64),
+    config: &PoleConfig,
+) -> Option<Vector2<f64>> {
+    let pieces = (config.rail_m / PIECE_M).round().max(2.0) as usize;
+    let from_m = radius_m + config.gap_from_m;
+    let (low_m, high_m) = (low_m.max(config.lowest_rail_m), high_m.min(config.short_top_m) + LAYER_M);
+    if high_m <= low_m {
+        return None;
+    }
+    let layers = (2.0 * (high_m - low_m) / LAYER_M) as usize + 1;
+    let beside: Vec<(Vector2<f64>, usize)> = hits
+        .iter()
+        .filter(|h| h.above_ground >= low_m && h.above_ground <= high_m)
+        .map(|h| (h.at - axis.at(h.height), (2.0 * (h.above_ground - low_m) / LAYER_M) as usize))
+        .filter(|(off, layer)| (from_m..from_m + config.rail_m).contains(&off.norm()) && *layer < layers)
+        .collect();
+    (0..DIRECTIONS)
+        .map(|k| {
+            let angle = k as f64 * std::f64::consts::TAU / DIRECTIONS as f64;
+            Vector2::new(angle.cos(), angle.sin())
+        })
+        .find(|way| {
+            let mut filled = vec![0_u32; layers + 1];
+            for (off, layer) in &beside {
+                let along = off.dot(way) - from_m;
+                if off.perp(way).abs() < config.rail_half_width_m && along >= 0.0 {
+                    let piece = 1 << ((along / PIECE_M) as u32).min(31);
+                    filled[*layer] |= piece;
+                    filled[layer + 1] |= piece;
+                }
+            }
+            filled.iter().any(|f| f.count_ones() as usize + 1 >= pieces)
+        })
+}
+
+/// Which of the poles stand in a fence: low ones with a rail, and those in line
+/// with a rail that are as high as its post. The ends of a row and the sides of
+/// a gap may show no rail of their own.
+pub(super) fn in_fences(poles: &[&FittedPole], config: &PoleConfig) -> Vec<bool> {
+    let is_low = |p: &FittedPole| p.top_height_m <= config.short_top_m && p.reflectance < config.sheeting_reflectance;
+    let mut rails: Vec<Option<Vector2<f64>>> = poles.iter().map(|p| p.rail.filter(|_| is_low(p))).collect();
+    let mut open: Vec<(usize, Vector2<f64>)> = (0..).zip(&rails).filter_map(|(i, r)| Some((i, (*r)?))).collect();
+    while let Some((from, way)) = open.pop() {
+        for (i, pole) in poles.iter().enumerate() {
+            let off = pole.foot - poles[from].foot;
+            let off = Vector2::new(off.x, off.z);
+            let as_high = (pole.top_height_m - poles[from].top_height_m).abs() < config.fence_height_m;
+            let in_line = off.perp(&way).abs() < config.fence_off_line_m && off.norm() < config.fence_span_m;
+            if rails[i].is_none() && is_low(pole) && as_high && in_line {
+                rails[i] = Some(way);
+                open.push((i, way));
+            }
+        }
+    }
+    rails.iter().map(Option::is_some).collect()
+}

@@ -1,0 +1,203 @@
+use nalgebra::Point3;
+
+use super::*;
+use crate::testing::{CAMERA_HEIGHT_M, Street};
+
+fn found(street: Street) -> Vec<(PoleKind, FittedPole)> {
+    find_poles(&street.cloud(), &PoleConfig::default(), &LidarConfig::default())
+}
+
+#[test]
+fn a_pole_seen_from_the_road_has_its_axis_and_its_foot_on_the_ground() {
+    let mut street = Street::new();
+    let foot = Point3::new(5.0, CAMERA_HEIGHT_M, 28.0);
+    let top = foot + nalgebra::Vector3::new(0.16, -4.8, 0.08);
+    street.add_cylinder(foot, top, 0.08);
+    let poles = found(street);
+    assert_eq!(poles.len(), 1);
+    let (kind, pole) = &poles[0];
+    assert_eq!(*kind, PoleKind::LampPost);
+    // One-sided hits: the mean of the points is 6 cm nearer to the road.
+    assert!((pole.foot - foot).norm() < 0.03, "{:?}", pole.foot);
+    assert!((pole.radius_m - 0.08).abs() < 0.03, "{}", pole.radius_m);
+    assert!((pole.tilt_rad() - 0.037).abs() < 0.01);
+}
+
+#[test]
+fn walls_and_their_corners_are_no_poles() {
+    let mut street = Street::new();
+    street.add_wall(6.0, 10.0..30.0, 3.0);
+    assert!(found(street).is_empty());
+}
+
+#[test]
+fn a_pole_half_a_metre_before_a_wall_is_found() {
+    let mut street = Street::new();
+    street.add_wall(6.9, 10.0..40.0, 3.0);
+    let foot = Point3::new(6.0, CAMERA_HEIGHT_M, 25.0);
+    street.add_cylinder(foot, foot - nalgebra::Vector3::new(0.0, 2.5, 0.0), 0.05);
+    let poles = found(street);
+    assert_eq!(poles.len(), 1);
+    assert!((poles[0].1.foot - foot).norm() < 0.04);
+}
+
+#[test]
+fn a_delineator_is_told_from_a_sign_post() {
+    let mut street = Street::new();
+    for (z, height) in [(15.0, 1.0), (35.0, 2.2)] {
+        let foot = Point3::new(4.0, CAMERA_HEIGHT_M, z);
+        street.add_cylinder(foot, foot - nalgebra::Vector3::new(0.0, height, 0.0), 0.05);
+    }
+    let kinds: Vec<PoleKind> = found(street).into_iter().map(|p| p.0).collect();
+    assert!(kinds.contains(&PoleKind::Delineator) && kinds.contains(&PoleKind::SignPost), "{kinds:?}");
+}
+
+/// Hits on a post and what else stands there, seen from every place.
+fn post(street: &mut Street, foot: Point3<f64>, height_m: f64, radius_m: f64) {
+    street.add_cylinder(foot, foot - nalgebra::Vector3::new(0.0, height_m, 0.0), radius_m);
+}
+
+fn reflector(street: &mut Street, foot: Point3<f64>, height_m: f64) {
+    for scan in 0..10_u16 {
+        for k in 0..4 {
+            let up = height_m + 0.04 * f64::from(k);
+            street.add(foot - nalgebra::Vector3::new(0.05, up, 0.0), scan, 0.99, None);
+        }
+    }
+}
+
+#[test]
+fn posts_of_fences_and_gates_are_no_poles() {
+    let mut street = Street::new();
+    for k in 0..6 {
+        post(&mut street, Point3::new(6.0, CAMERA_HEIGHT_M, 20.0 + 2.0 * f64::from(k)), 1.1, 0.04);
+    }
+    for scan in 0..10_u16 {
+        for (i, up) in (0..400).flat_map(|i| [0.55, 1.0].map(|up| (i, up))) {
+            let z = 20.0 + f64::from(i) * 0.025;
+            street.add(Point3::new(6.0, CAMERA_HEIGHT_M - up, z), scan, 0.3, None);
+        }
+    }
+    post(&mut street, Point3::new(-6.0, CAMERA_HEIGHT_M, 25.0), 1.6, 0.18);
+    assert!(found(street).is_empty());
+}
+
+#[test]
+fn a_delineator_before_a_hedge_is_found_by_its_reflector() {
+    let mut street = Street::new();
+    street.add_wall(5.4, 10.0..40.0, 2.0);
+    let foot = Point3::new(5.0, CAMERA_HEIGHT_M, 25.0);
+    post(&mut street, foot, 1.0, 0.05);
+    reflector(&mut street, foot, 0.75);
+    let poles = found(street);
+    assert_eq!(poles.len(), 1);
+    assert_eq!(poles[0].0, PoleKind::Delineator);
+    assert!((poles[0].1.foot - foot).norm() < 0.06, "{:?}", poles[0].1);
+}
+
+#[test]
+fn the_foot_is_on_the_ground_though_a_hedge_hides_it() {
+    let mut street = Street::new();
+    let foot = Point3::new(5.0, CAMERA_HEIGHT_M, 28.0);
+    let up = |height_m: f64| foot - nalgebra::Vector3::new(0.0, height_m, 0.0);
+    street.add_cylinder(up(1.2), up(5.0), 0.06);
+    let poles = found(street);
+    assert_eq!(poles.len(), 1);
+    assert!((poles[0].1.foot - foot).norm() < 0.05, "{:?}", poles[0].1.foot);
+    assert!((poles[0].1.foot_height_m - 1.2).abs() < 0.1);
+}
+
+#[test]
+fn a_post_in_the_way_of_no_rail_stays_in_its_row() {
+    let mut street = Street::new();
+    for k in 0..5 {
+        post(&mut street, Point3::new(4.0, CAMERA_HEIGHT_M, 20.0 + 1.5 * f64::from(k)), 1.0, 0.05);
+    }
+    assert_eq!(found(street).len(), 5);
+}
+
+#[test]
+fn what_carries_a_roof_is_no_pole_and_two_masts_are() {
+    let mut street = Street::new();
+    for (x, z) in [(7.0, 20.0), (10.5, 20.0), (7.0, 26.0), (10.5, 26.0)] {
+        post(&mut street, Point3::new(x, CAMERA_HEIGHT_M, z), 3.4, 0.16);
+    }
+    for z in [36.0, 40.0] {
+        post(&mut street, Point3::new(7.0, CAMERA_HEIGHT_M, z), 3.4, 0.16);
+    }
+    let feet: Vec<f64> = found(street).iter().map(|(_, pole)| pole.foot.z).collect();
+    assert_eq!(feet.len(), 2, "{feet:?}");
+    assert!(feet.iter().all(|z| *z > 30.0));
+}
+
+/// Foot and top of a pole that leans over map x and z by so much per metre.
+fn leaning(x: f64, z: f64, height_m: f64, lean: f64) -> (Point3<f64>, Point3<f64>) {
+    let foot = Point3::new(x, CAMERA_HEIGHT_M, z);
+    (foot, foot + nalgebra::Vector3::new(lean * height_m, -height_m, 0.0))
+}
+
+#[test]
+fn short_posts_stand_as_the_long_ones_do() {
+    let mut street = Street::new();
+    // The first camera is rolled by 1.7 degrees, and so is all that stands.
+    for z in [12.0, 22.0, 32.0, 42.0] {
+        let (foot, top) = leaning(-5.0, z, 5.0, 0.03);
+        street.add_cylinder(foot, top, 0.06);
+    }
+    let (foot, top) = leaning(4.0, 27.0, 0.9, 0.03);
+    street.add_cylinder(foot, top, 0.05);
+    let poles = found(street);
+    assert_eq!(poles.len(), 5);
+    let short = poles.iter().find(|(kind, _)| *kind == PoleKind::Delineator).unwrap();
+    assert!((short.1.slope.x - 0.03).abs() < 0.007 && short.1.slope.y.abs() < 0.007, "{}", short.1.slope);
+}
+
+#[test]
+fn one_pole_that_leans_by_eight_degrees_keeps_its_lean() {
+    let mut street = Street::new();
+    for z in [12.0, 20.0, 36.0, 44.0] {
+        let (foot, top) = leaning(-5.0, z, 5.0, 0.0);
+        street.add_cylinder(foot, top, 0.06);
+    }
+    let (foot, top) = leaning(5.0, 28.0, 4.0, 0.14);
+    street.add_cylinder(foot, top, 0.06);
+    let poles = found(street);
+    let leaning = poles.iter().map(|(_, pole)| pole).find(|pole| pole.foot.x > 0.0).unwrap();
+    assert!((leaning.slope.x - 0.14).abs() < 0.009, "{}", leaning.slope);
+    assert!((leaning.foot - foot).norm() < 0.03);
+}
+
+#[test]
+fn a_sign_on_a_post_does_not_bend_its_axis() {
+    let mut street = Street::new();
+    let foot = Point3::new(5.0, CAMERA_HEIGHT_M, 28.0);
+    post(&mut street, foot, 2.8, 0.04);
+    // A plate before the post, to one side of it.
+    for scan in 0..10_u16 {
+        for (i, k) in (0..12).flat_map(|i| (0..12).map(move |k| (i, k))) {
+            let off = nalgebra::Vector3::new(-0.1 + 0.05 * f64::from(i), -2.1 - 0.06 * f64::from(k), -0.08);
+            street.add(foot + off, scan, 0.99, None);
+        }
+    }
+    let poles = found(street);
+    assert_eq!(poles.len(), 1);
+    let pole = &poles[0].1;
+    assert!(pole.tilt_rad() < 0.01 && (pole.foot - foot).norm() < 0.03, "{pole:?}");
+}
+
+#[test]
+fn a_foot_on_a_footway_is_not_on_the_road_beside_it() {
+    let mut street = Street::new();
+    let kerb_m = 0.14;
+    // Denser than the road below it, which the street of the tests has everywhere.
+    // The footway begins 0.4 m before the post, inside a cell of the height map.
+    for (i, k) in (0..60).flat_map(|i| (0..60).map(move |k| (i, k))) {
+        let (x, z) = (4.2 + 0.05 * f64::from(i), 26.5 + 0.05 * f64::from(k));
+        street.add(Point3::new(x, CAMERA_HEIGHT_M - kerb_m, z), (k % 10) as u16, 0.3, None);
+    }
+    let foot = Point3::new(4.6, CAMERA_HEIGHT_M - kerb_m, 28.0);
+    post(&mut street, foot, 3.0, 0.05);
+    let poles = found(street);
+    assert_eq!(poles.len(), 1);
+    assert!((poles[0].1.foot - foot).norm() < 0.03, "{:?}", poles[0].1.foot);
+}

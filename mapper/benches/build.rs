@@ -10,13 +10,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use common::map::{EncodeOptions, SemanticMap};
+use common::map::{EncodeOptions, PoleKind, SemanticMap};
 use divan::Bencher;
 use divan::counter::{BytesCount, ItemsCount};
 use mapper::build::{build, find_lanes};
 use mapper::cloud::Cloud;
 use mapper::drive::Drive;
-use mapper::poles::find_poles;
+use mapper::poles::{FittedPole, find_poles};
 use mapper::register::{Registration, refine};
 use mapper::signs::find_signs;
 use mapper::{Config, PoseSource};
@@ -33,6 +33,7 @@ struct Case {
     drive: Drive,
     registration: Registration,
     cloud: Cloud,
+    poles: Vec<(PoleKind, FittedPole)>,
     map: SemanticMap,
     /// Length of the scans, bytes.
     scan_bytes: u64,
@@ -47,10 +48,11 @@ static CASE: LazyLock<Case> = LazyLock::new(|| {
     let drive = Drive::open(&root, sequence, 5, (0, 50), None, 120.0).unwrap();
     let registration = refine(&drive, &config.refine).unwrap();
     let cloud = Cloud::stitch(&drive, &drive.frames, &registration, &config).unwrap();
+    let poles = find_poles(&cloud, &config.poles, &config.lidar);
     let map = build(&drive, PoseSource::Refine, &config, |_| Ok(())).unwrap().map;
     let scan_bytes = drive.frames.iter().map(|&f| std::fs::metadata(drive.scan_path(f)).unwrap().len()).sum();
     let name = format!("{}, {} scans of frames 0 to 50", drive.name(), drive.frames.len());
-    Case { name, config, drive, registration, cloud, map, scan_bytes }
+    Case { name, config, drive, registration, cloud, poles, map, scan_bytes }
 });
 
 fn generated() -> PathBuf {
@@ -101,7 +103,7 @@ fn poles(bencher: Bencher) {
 fn signs(bencher: Bencher) {
     bencher
         .counter(ItemsCount::new(CASE.cloud.points.len()))
-        .bench(|| find_signs(&CASE.cloud, &CASE.config.signs, &CASE.config.lidar));
+        .bench(|| find_signs(&CASE.cloud, &CASE.poles, &CASE.config.signs, &CASE.config.lidar));
 }
 
 #[divan::bench(sample_count = 20)]

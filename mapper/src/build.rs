@@ -151,9 +151,14 @@ fn reach(poses: &[Pose], frame: usize, step: isize, distance_m: f64) -> usize {
 fn extract(cloud: &Cloud, owned: &std::ops::Range<f64>, map: &SemanticMap, config: &Config) -> Found {
     let road_of = |p: &Point3<f64>| map.nearest_road(p).unwrap_or(RoadId(0));
     let owns = |p: &Point3<f64>| owned.contains(&cloud.place(p).station_m);
-    let (poles, (signs, lanes)) = rayon::join(
-        || find_poles(cloud, &config.poles, &config.lidar),
-        || rayon::join(|| find_signs(cloud, &config.signs, &config.lidar), || find_lanes(cloud, config)),
+    let ((poles, signs), lanes) = rayon::join(
+        || {
+            // Signs hang on posts.
+            let poles = find_poles(cloud, &config.poles, &config.lidar);
+            let signs = find_signs(cloud, &poles, &config.signs, &config.lidar);
+            (poles, signs)
+        },
+        || find_lanes(cloud, config),
     );
     Found {
         poles: poles

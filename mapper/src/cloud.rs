@@ -217,12 +217,17 @@ impl Cloud {
     /// Points above the ground whose column is within one cell of the ground's
     /// grid of map (x, z), and a few more.
     pub fn near(&self, at: &Point2<f64>) -> impl Iterator<Item = &CloudPoint> {
-        self.standing.near(at, self)
+        self.within_cells(at, 1)
     }
 
-    /// The same for points on the ground and up to a kerb above and below it.
+    /// The same within so many cells.
+    pub fn within_cells(&self, at: &Point2<f64>, cells: usize) -> impl Iterator<Item = &CloudPoint> {
+        self.standing.near(at, cells, self)
+    }
+
+    /// Points on the ground and up to a kerb above and below it, likewise.
     pub fn near_ground(&self, at: &Point2<f64>) -> impl Iterator<Item = &CloudPoint> {
-        self.lying.near(at, self)
+        self.lying.near(at, 1, self)
     }
 
     /// Where a point lies beside the path.
@@ -263,9 +268,9 @@ impl ByCell {
         Self { points: by_cell, starts }
     }
 
-    fn near<'a>(&'a self, at: &Point2<f64>, cloud: &'a Cloud) -> impl Iterator<Item = &'a CloudPoint> {
+    fn near<'a>(&'a self, at: &Point2<f64>, cells: usize, cloud: &'a Cloud) -> impl Iterator<Item = &'a CloudPoint> {
         let grid = cloud.ground.grid();
-        let span = |c: usize, n: usize| c.saturating_sub(1)..(c + 2).min(n);
+        let span = move |c: usize, n: usize| c.saturating_sub(cells)..(c + cells + 1).min(n);
         grid.cell(at).into_iter().flat_map(move |(x, z)| {
             span(z, grid.height).flat_map(move |z| {
                 span(x, grid.width).flat_map(move |x| {

@@ -1,82 +1,29 @@
-//! Traffic signs: retro-reflective clusters above the ground.
+//! Retro-reflective plates: clusters of points on which the lidar saturates.
 
 use common::map::SignKind;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::{Point2, Point3, Vector3};
 use parry3d::transformation::try_convex_hull;
-use serde::{Deserialize, Serialize};
 
+use super::FoundSign;
+use super::config::SignConfig;
 use crate::cloud::{Cloud, CloudPoint};
 use crate::lidar::LidarConfig;
 
-/// How signs are told from everything else that is bright.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct SignConfig {
-    /// Reflectance of retro-reflective sheeting: the lidar saturates on it.
-    pub least_reflectance: f32,
-    /// Lowest point of a sign, metres above ground: lower ones are number
-    /// plates, lamps and delineators.
-    pub lowest_m: f64,
-    /// Points nearer than this to each other are one sign, metres.
-    pub join_m: f64,
-    /// Least gap between two plates on one post, metres: plates are mounted
-    /// with a hand's width between them, blurred by the beams and the poses.
-    pub plate_gap_m: f64,
-    /// Least share of bright points among all that the same scans have in the
-    /// box around them: on a wall only some stones are bright.
-    pub least_bright_share: f64,
-    /// Fewest bright points.
-    pub fewest_points: usize,
-    /// Fewest scans that saw it bright at the same place: what moves is seen
-    /// once at each place.
-    pub fewest_scans: usize,
-    /// Largest share of the lidar's own motion that a cluster may follow: the
-    /// plate of a vehicle ahead moves along.
-    pub largest_following: f64,
-    /// Smallest extent, metres.
-    pub smallest_m: f64,
-    /// Largest extent, metres: larger ones are hoardings and shop fronts.
-    pub largest_m: f64,
-    /// Largest thickness across its plane, metres, one standard deviation.
-    pub thickest_m: f64,
+/// A retro-reflective plate and where its bright points lie.
+#[derive(Debug, Clone)]
+pub struct BrightPlate {
+    /// As it is by its bright points alone.
+    pub sign: FoundSign,
+    /// Heights of its lowest and highest point, along -y of the map, metres.
+    pub heights: (f64, f64),
+    /// Height of its lowest point above ground, metres.
+    pub above_ground_m: f64,
 }
 
-impl Default for SignConfig {
-    fn default() -> Self {
-        Self {
-            least_reflectance: 0.7,
-            lowest_m: 1.2,
-            join_m: 0.35,
-            plate_gap_m: 0.05,
-            least_bright_share: 0.4,
-            fewest_points: 10,
-            fewest_scans: 2,
-            largest_following: 0.2,
-            smallest_m: 0.2,
-            largest_m: 2.5,
-            thickest_m: 0.2,
-        }
-    }
-}
-
-/// A sign as found.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FoundSign {
-    /// What it is.
-    pub kind: SignKind,
-    /// Centroid, map frame, metres.
-    pub centroid: Point3<f64>,
-    /// Largest distance of two of its points, metres.
-    pub size_m: f64,
-    /// Bright points.
-    pub points: usize,
-    /// Scans that saw it.
-    pub scans: usize,
-}
-
-/// The signs of a stitched cloud, in the order of their first points.
-pub fn find_signs(cloud: &Cloud, config: &SignConfig, lidar: &LidarConfig) -> Vec<FoundSign> {
+/// The retro-reflective plates of a stitched cloud, in the order of their first
+/// points.
+pub fn bright_plates(cloud: &Cloud, config: &SignConfig, lidar: &LidarConfig) -> Vec<BrightPlate> {
     let bright: Vec<&CloudPoint> = cloud
         .points
         .iter()
@@ -85,11 +32,16 @@ pub fn find_signs(cloud: &Cloud, config: &SignConfig, lidar: &LidarConfig) -> Ve
     clusters(&bright, config.join_m)
         .iter()
         .flat_map(|c| plates(c, config, lidar))
-        .collect::<Vec<_>>()
-        .iter()
         .filter(|c| bright_share(c, cloud) >= config.least_bright_share)
         .filter(|c| following(c, cloud) <= config.largest_following)
-        .filter_map(|c| sign(c, config))
+        .filter_map(|c| {
+            let heights = c.iter().map(|p| -p.position.y);
+            Some(BrightPlate {
+                sign: sign(&c, config)?,
+                heights: (heights.clone().fold(f64::INFINITY, f64::min), heights.fold(f64::NEG_INFINITY, f64::max)),
+                above_ground_m: c.iter().map(|p| f64::from(p.height_m)).fold(f64::INFINITY, f64::min),
+            })
+        })
         .collect()
 }
 
@@ -193,6 +145,8 @@ fn sign(points: &[&CloudPoint], config: &SignConfig) -> Option<FoundSign> {
         size_m,
         points: points.len(),
         scans: scans.len(),
+        facing: None,
+        sigma_m: None,
     })
 }
 

@@ -1,0 +1,36 @@
+//! Plates on posts that are not retro-reflective from where they were seen:
+//! mostly the backs of signs for the other direction.
+
+use common::map::SignKind;
+
+use super::config::SignConfig;
+use super::outline::{Plate, plates};
+use super::rows::{Axis, Row};
+use super::{FoundSign, POST_BELOW_M};
+use crate::cloud::Cloud;
+use crate::lidar::LidarConfig;
+
+/// The plates among the rows of a post.
+pub fn plates_on(rows: &[Row], axis: &Axis, cloud: &Cloud, config: &SignConfig, lidar: &LidarConfig) -> Vec<FoundSign> {
+    let all = plates(rows, axis, cloud, &config.outline, lidar);
+    all.iter().filter(|p| is_back(p, rows, &all, config)).map(|p| p.sign(SignKind::TrafficSign)).collect()
+}
+
+fn is_back(plate: &Plate, rows: &[Row], all: &[Plate], config: &SignConfig) -> bool {
+    let backs = &config.backs;
+    let height_m = plate.edges.1 - plate.edges.0;
+    let [narrowest, widest] = backs.width_m;
+    let lowest = all.iter().map(|p| p.edges.0).fold(f64::INFINITY, f64::min);
+    let below = (lowest - POST_BELOW_M)..lowest;
+    let post_rows = rows.iter().filter(|r| below.contains(&r.height) && r.width_m() < narrowest).count();
+    plate.above_ground_m >= backs.lowest_m
+        && height_m >= backs.least_height_m
+        && (narrowest..=widest).contains(&plate.width_m)
+        && height_m <= backs.largest_aspect * plate.width_m
+        && plate.width_m <= backs.largest_aspect * height_m
+        && plate.thickness_m <= backs.thickest_m
+        && plate.rows >= backs.fewest_rows
+        && plate.scans >= backs.fewest_scans
+        && plate.agreement >= backs.least_agreement
+        && post_rows >= backs.fewest_post_rows
+}

@@ -1,0 +1,210 @@
+use serde::{Deserialize, Serialize};
+
+/// How signs are told from everything else.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SignConfig {
+    /// Reflectance of retro-reflective sheeting: the lidar saturates on it.
+    pub least_reflectance: f32,
+    /// Lowest point of a sign, metres above ground: lower ones are number
+    /// plates, lamps and delineators.
+    pub lowest_m: f64,
+    /// Points nearer than this to each other are one sign, metres.
+    pub join_m: f64,
+    /// Least gap between two plates on one post, metres: plates are mounted
+    /// with a hand's width between them, blurred by the beams and the poses.
+    pub plate_gap_m: f64,
+    /// Least share of bright points among all that the same scans have in the
+    /// box around them: on a wall only some stones are bright.
+    pub least_bright_share: f64,
+    /// Fewest bright points.
+    pub fewest_points: usize,
+    /// Fewest scans that saw it bright at the same place: what moves is seen
+    /// once at each place.
+    pub fewest_scans: usize,
+    /// Largest share of the lidar's own motion that a cluster may follow: the
+    /// plate of a vehicle ahead moves along.
+    pub largest_following: f64,
+    /// Smallest extent, metres.
+    pub smallest_m: f64,
+    /// Largest extent, metres: larger ones are hoardings and shop fronts.
+    pub largest_m: f64,
+    /// Largest thickness across its plane, metres, one standard deviation.
+    pub thickest_m: f64,
+    /// The outline of plates.
+    pub outline: OutlineConfig,
+    /// Plates seen from behind only.
+    pub backs: BackConfig,
+    /// Traffic lights.
+    pub lights: LightConfig,
+}
+
+impl Default for SignConfig {
+    fn default() -> Self {
+        Self {
+            least_reflectance: 0.7,
+            lowest_m: 1.2,
+            join_m: 0.35,
+            plate_gap_m: 0.05,
+            least_bright_share: 0.4,
+            fewest_points: 10,
+            fewest_scans: 2,
+            largest_following: 0.2,
+            smallest_m: 0.2,
+            largest_m: 2.5,
+            thickest_m: 0.2,
+            outline: OutlineConfig::default(),
+            backs: BackConfig::default(),
+            lights: LightConfig::default(),
+        }
+    }
+}
+
+/// How the outline of a plate is found from the rows of hits on it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OutlineConfig {
+    /// Width of a beam, radians: by this share of the range things look wider.
+    pub beam_rad: f64,
+    /// What a row may be wider than its post before it is a plate's, metres.
+    pub slack_m: f64,
+    /// Narrowest row that is a plate's, metres.
+    pub narrowest_m: f64,
+    /// What an edge of a plate costs, in rows that do not fit: fewer odd rows
+    /// than twice this make no plate and no gap.
+    pub edge_cost: f64,
+    /// Least cosine between the view and a plate's normal: edge-on it is as
+    /// narrow as its post.
+    pub least_cosine: f64,
+    /// An edge less certain than this was out of sight, metres, one standard
+    /// deviation.
+    pub open_m: f64,
+    /// Plates up to this width are about as high as they are wide, metres:
+    /// wider ones are boards of any form.
+    pub widest_like_high_m: f64,
+    /// Reflectance of retro-reflective sheeting.
+    pub bright: f32,
+    /// Farthest row that must be bright on sheeting, metres: beyond it the lidar
+    /// reports less.
+    pub bright_within_m: f64,
+    /// Least share of bright rows among the nearer ones on the front of a
+    /// retro-reflective sign: else its outline is that of a wall around it.
+    pub least_bright_share: f64,
+    /// Noise of a row's middle, metres.
+    pub noise_m: f64,
+    /// What all rows of a plate err by together, metres: poses, and range errors
+    /// of the beams.
+    pub pose_m: f64,
+}
+
+impl Default for OutlineConfig {
+    fn default() -> Self {
+        Self {
+            beam_rad: 0.002,
+            slack_m: 0.03,
+            narrowest_m: 0.13,
+            edge_cost: 1.4,
+            least_cosine: 0.5,
+            open_m: 0.15,
+            widest_like_high_m: 1.0,
+            bright: 0.7,
+            bright_within_m: 40.0,
+            least_bright_share: 0.6,
+            noise_m: 0.03,
+            pose_m: 0.015,
+        }
+    }
+}
+
+/// How plates that were seen from behind only are told from boxes, people and
+/// leaves beside a post.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BackConfig {
+    /// Lowest edge, metres above ground: below are people, boxes and bins.
+    pub lowest_m: f64,
+    /// Least height, metres.
+    pub least_height_m: f64,
+    /// Least and largest width, metres.
+    pub width_m: [f64; 2],
+    /// Largest height over width, and width over height.
+    pub largest_aspect: f64,
+    /// Largest thickness within single rows, metres, one standard deviation:
+    /// range noise and posts behind.
+    pub thickest_m: f64,
+    /// Fewest long rows.
+    pub fewest_rows: usize,
+    /// Fewest scans.
+    pub fewest_scans: usize,
+    /// Least share of the rows between its edges that are long.
+    pub least_agreement: f64,
+    /// Fewest rows on the bare post below it.
+    pub fewest_post_rows: usize,
+}
+
+impl Default for BackConfig {
+    fn default() -> Self {
+        Self {
+            lowest_m: 1.5,
+            least_height_m: 0.2,
+            width_m: [0.25, 1.3],
+            largest_aspect: 3.0,
+            thickest_m: 0.05,
+            fewest_rows: 5,
+            fewest_scans: 2,
+            least_agreement: 0.8,
+            fewest_post_rows: 4,
+        }
+    }
+}
+
+/// How traffic lights are told from everything else on a post: dark boxes that
+/// hang before it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LightConfig {
+    /// Lowest edge, metres above ground: lights for those who walk hang from
+    /// 2.0 m on; below are boxes with buttons, and bins.
+    pub lowest_m: f64,
+    /// Largest reflectance of a black housing.
+    pub darkest: f32,
+    /// Farthest hit whose reflectance counts, metres: beyond it the lidar
+    /// reports none for much that is not dark.
+    pub farthest_m: f64,
+    /// Least share of hits on the box that are dark.
+    pub least_dark_share: f64,
+    /// Hits farther than this off the surface of the post are the box's, metres.
+    pub off_post_m: f64,
+    /// Farthest hit of a box from the axis, metres: half its depth and its visors
+    /// reach 0.45 m.
+    pub reach_m: f64,
+    /// Least and largest height of a box, metres: two to four lenses of 0.2 to
+    /// 0.3 m.
+    pub height_m: [f64; 2],
+    /// Least and largest width of a box, metres.
+    pub width_m: [f64; 2],
+    /// Depth of a box without its visors, metres.
+    pub depth_m: f64,
+    /// Fewest hits on the box.
+    pub fewest_hits: usize,
+    /// Fewest scans with hits on the box.
+    pub fewest_scans: usize,
+}
+
+impl Default for LightConfig {
+    fn default() -> Self {
+        Self {
+            lowest_m: 1.8,
+            darkest: 0.15,
+            farthest_m: 40.0,
+            least_dark_share: 0.7,
+            off_post_m: 0.06,
+            reach_m: 0.5,
+            height_m: [0.4, 1.4],
+            width_m: [0.15, 0.5],
+            depth_m: 0.24,
+            fewest_hits: 20,
+            fewest_scans: 3,
+        }
+    }
+}

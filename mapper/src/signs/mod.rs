@@ -1,0 +1,163 @@
+//! Traffic signs and lights: retro-reflective clusters above the ground, and
+//! plates and boxes on posts.
+//!
+//! Reflectance finds the fronts of signs, and shape what is seen from behind.
+//! Either way the outline comes from the [`rows`] of hits that single beams
+//! leave, whether bright or not: the mean of the bright hits lies low, as the
+//! lidar's field of view cuts a plate until it is so far that it looks dark.
+
+mod backs;
+mod bright;
+mod config;
+mod lights;
+mod outline;
+mod rows;
+
+use common::map::{PoleKind, SignKind};
+use nalgebra::{Point3, Vector2};
+use rayon::prelude::*;
+
+pub(crate) use bright::clusters;
+pub use config::{BackConfig, LightConfig, OutlineConfig, SignConfig};
+pub use outline::{Plate, plates};
+pub use rows::{Axis, Row, rows};
+
+use bright::{BrightPlate, bright_plates};
+
+use crate::cloud::Cloud;
+use crate::lidar::LidarConfig;
+use crate::poles::FittedPole;
+
+/// A sign as found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoundSign {
+    /// What it is.
+    pub kind: SignKind,
+    /// Centroid, map frame, metres.
+    pub centroid: Point3<f64>,
+    /// Largest distance of two of its points, metres.
+    pub size_m: f64,
+    /// Hits on it.
+    pub points: usize,
+    /// Scans that saw it.
+    pub scans: usize,
+    /// Direction that its front looks in, of unit length, in the plane (x, z) of
+    /// the map; none where it cannot be told.
+    pub facing: Option<Vector2<f64>>,
+    /// One standard deviation of the centroid across, in height and along the
+    /// normal, metres; none where the outline could not be found.
+    pub sigma_m: Option<[f64; 3]>,
+}
+
+/// The signs and lights of a stitched cloud, given its poles.
+pub fn find_signs(
+    cloud: &Cloud,
+    poles: &[(PoleKind, FittedPole)],
+    config: &SignConfig,
+    lidar: &LidarConfig,
+) -> Vec<FoundSign> {
+    let bright = bright_plates(cloud, config, lidar);
+    let bright: Vec<Vec<FoundSign>> =
+        bright.par_iter().map(|plate| outlined(plate, cloud, poles, config, lidar)).collect();
+    let on_posts: Vec<Vec<FoundSign>> =
+        poles.par_iter().map(|(kind, pole)| on_post(*kind, pole, cloud, config, lidar)).collect();
+    let mut found: Vec<FoundSign> = Vec::new();
+    for sign in bright.into_iter().chain(on_posts).flatten() {
+        if !found.iter().any(|known| is_same(known, &sign)) {
+            found.push(sign);
+        }
+    }
+    found
+}
+
+/// What hangs on a post, whether bright or not.
+fn on_post(
+    kind: PoleKind,
+    pole: &FittedPole,
+    cloud: &Cloud,
+    config: &SignConfig,
+    lidar: &LidarConfig,
+) -> Vec<FoundSign> {
+    if kind == PoleKind::Trunk {
+        return Vec::new();
+    }
+    let axis = Axis { foot: pole.foot, top: pole.top, radius_m: pole.radius_m };
+    let lowest_m = config.backs.lowest_m.min(config.lights.lowest_m);
+    let rows = rows(cloud, &axis, (lowest_m - POST_BELOW_M, pole.top_height_m + OVER_TOP_M), lidar);
+    // Lights first: from behind they may look like plates.
+    let mut found = lights::lights_on(&rows, &axis, config);
+    found.extend(backs::plates_on(&rows, &axis, cloud, config, lidar));
+    found
+}
+
+/// Plates reach up to this far over the end of their post, metres: it is where
+/// the post can no longer be told from them.
+const OVER_TOP_M: f64 = 1.5;
+/// The bare post is looked for this far below a plate, metres.
+const POST_BELOW_M: f64 = 1.0;
+
+/// Whether two are the same sign: closer in each direction than two plates on
+/// one post.
+fn is_same(a: &FoundSign, b: &FoundSign) -> bool {
+    let d = a.centroid - b.centroid;
+    d.y.abs() < 0.3 * (a.size_m + b.size_m).min(1.4) && d.x.hypot(d.z) < SAME_M
+}
+
+/// Signs nearer than this in the plane (x, z) hang on one post, metres.
+const SAME_M: f64 = 0.5;
+
+/// A post is looked for this near to a bright plate, metres.
+const POST_WITHIN_M: f64 = 0.4;
+/// Radius of a post that is not known, metres.
+const POST_RADIUS_M: f64 = 0.04;
+
+/// A retro-reflective plate with its outline; several where its bright points
+/// melt together, and as it is by its bright points where its rows do not
+/// stand out.
+fn outlined(
+    plate: &BrightPlate,
+    cloud: &Cloud,
+    poles: &[(PoleKind, FittedPole)],
+    config: &SignConfig,
+    lidar: &LidarConfig,
+) -> Vec<FoundSign> {
+    let at = plate.sign.centroid;
+    let radius_m = poles
+        .iter()
+        .find(|(_, p)| (p.foot.x - at.x).hypot(p.foot.z - at.z) < POST_WITHIN_M)
+        .map_or(POST_RADIUS_M, |(_, p)| p.radius_m);
+    let axis = Axis::through(&at, radius_m);
+    let band = (plate.above_ground_m - 0.8, plate.above_ground_m + config.largest_m);
+    let rows = rows(cloud, &axis, band, lidar);
+    let (low, high) = plate.heights;
+    let signs: Vec<FoundSign> = plates(&rows, &axis, cloud, &config.outline, lidar)
+        .iter()
+        .filter(|p| {
+            p.bright_share >= config.outline.least_bright_share
+                && p.width_m.max(p.edges.1 - p.edges.0) <= config.largest_m
+        })
+        .filter(|p| {
+            let shared = p.edges.1.min(high) - p.edges.0.max(low);
+            shared > 0.5 * (p.edges.1 - p.edges.0).min(high - low)
+        })
+        .map(|p| p.sign(SignKind::TrafficSign))
+        .collect();
+    if signs.is_empty() { vec![plate.sign.clone()] } else { signs }
+}
+
+impl Plate {
+    fn sign(&self, kind: SignKind) -> FoundSign {
+        FoundSign {
+            kind,
+            centroid: self.centroid,
+            size_m: self.size_m,
+            points: self.hits,
+            scans: self.scans,
+            facing: Some(self.normal),
+            sigma_m: Some(self.sigma_m),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

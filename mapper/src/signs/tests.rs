@@ -1,0 +1,116 @@
+use nalgebra::Vector3;
+
+use super::*;
+use crate::poles::{PoleConfig, find_poles};
+use crate::testing::{CAMERA_HEIGHT_M, Street};
+
+/// A post with what hangs on it, hit by the beams of a lidar as a real one has
+/// them: every 3 mrad across and every 7.3 mrad in height, up to 2 degrees.
+struct Post {
+    street: Street,
+    foot: Point3<f64>,
+}
+
+const SHEETING: f32 = 0.99;
+const METAL: f32 = 0.4;
+const HOUSING: f32 = 0.05;
+
+impl Post {
+    fn new(x: f64, z: f64) -> Self {
+        Self { street: Street::new(), foot: Point3::new(x, CAMERA_HEIGHT_M, z) }
+    }
+
+    /// Hits on a board facing along -z, from a height above ground to another, as
+    /// bright as told on its front (seen by the scans before it) and on its back;
+    /// `before_m` nearer to the start of the road than the axis.
+    fn board(&mut self, width_m: f64, heights_m: (f64, f64), before_m: f64, shades: [Option<f32>; 2]) {
+        let lidar = LidarConfig::default();
+        for scan in 0..10_u16 {
+            let eye_z = 6.0 * f64::from(scan);
+            let z = self.foot.z - before_m;
+            let range_m = self.foot.x.hypot(z - eye_z);
+            let Some(shade) = shades[usize::from(eye_z > z)] else { continue };
+            // Beams of each scan fall elsewhere.
+            let shift = f64::from(scan) * 0.37 % 1.0;
+            for i in -60..=4 {
+                let elevation = lidar.highest_rad + (f64::from(i) - 4.0 - shift) * lidar.elevation_step_rad;
+                let up_m = CAMERA_HEIGHT_M + range_m * elevation.tan();
+                if up_m < heights_m.0 || up_m > heights_m.1 {
+                    continue;
+                }
+                // Steps across the view are longer on a board seen at an angle.
+                let step_m = lidar.azimuth_step_rad * range_m.powi(2) / (z - eye_z).abs().max(1.0);
+                for k in -60..60 {
+                    let x = (f64::from(k) + shift) * step_m;
+                    if x.abs() <= width_m / 2.0 {
+                        let p = Point3::new(self.foot.x + x, CAMERA_HEIGHT_M - up_m, z);
+                        self.street.add(p, scan, shade, None);
+                    }
+                }
+            }
+        }
+    }
+
+    fn found(mut self, top_m: f64) -> Vec<FoundSign> {
+        self.street.add_cylinder(self.foot, self.foot - Vector3::new(0.0, top_m, 0.0), 0.038);
+        let (cloud, lidar) = (self.street.cloud(), LidarConfig::default());
+        let poles = find_poles(&cloud, &PoleConfig::default(), &lidar);
+        find_signs(&cloud, &poles, &SignConfig::default(), &lidar)
+    }
+}
+
+#[test]
+fn the_middle_of_a_plate_is_not_that_of_its_bright_hits() {
+    let mut post = Post::new(5.0, 56.0);
+    // Near scans see the lower edge only.
+    post.board(0.6, (2.2, 2.8), 0.05, [Some(SHEETING), Some(METAL)]);
+    let signs = post.found(2.1);
+    assert_eq!(signs.len(), 1, "{signs:?}");
+    let sign = &signs[0];
+    assert!((sign.centroid - Point3::new(5.0, CAMERA_HEIGHT_M - 2.5, 55.95)).norm() < 0.05, "{sign:?}");
+    assert!((sign.size_m - 0.6 * 2.0_f64.sqrt()).abs() < 0.12, "{sign:?}");
+    assert!(sign.facing.is_some_and(|f| f.y < -0.9), "{sign:?}");
+}
+
+#[test]
+fn plates_seen_from_behind_are_found_and_face_away() {
+    let mut post = Post::new(5.0, 10.0);
+    post.board(0.6, (1.9, 2.4), 0.05, [None, Some(METAL)]);
+    let signs = post.found(1.85);
+    assert_eq!(signs.len(), 1, "{signs:?}");
+    assert!((signs[0].centroid - Point3::new(5.0, CAMERA_HEIGHT_M - 2.15, 9.95)).norm() < 0.06, "{:?}", signs[0]);
+    assert!(signs[0].facing.is_some_and(|f| f.y < -0.9), "{:?}", signs[0]);
+}
+
+#[test]
+fn two_plates_with_a_gap_of_a_hand_are_two() {
+    let mut post = Post::new(5.0, 44.0);
+    post.board(0.6, (2.1, 2.5), 0.05, [Some(SHEETING), Some(METAL)]);
+    post.board(0.4, (1.65, 2.0), 0.05, [Some(SHEETING), Some(METAL)]);
+    assert_eq!(post.found(2.05).len(), 2);
+}
+
+#[test]
+fn a_dark_box_before_a_mast_is_a_light_and_a_low_one_is_not() {
+    let boxed = |heights_m: (f64, f64)| {
+        let mut post = Post::new(5.0, 40.0);
+        post.board(0.3, heights_m, 0.3, [Some(HOUSING), None]);
+        post.board(0.3, heights_m, 0.06, [None, Some(HOUSING)]);
+        post.found(2.7)
+    };
+    let signs = boxed((2.0, 2.9));
+    assert_eq!(signs.len(), 1, "{signs:?}");
+    assert_eq!(signs[0].kind, SignKind::TrafficLight);
+    assert!((signs[0].centroid - Point3::new(5.0, CAMERA_HEIGHT_M - 2.45, 39.82)).norm() < 0.1, "{:?}", signs[0]);
+    assert!(boxed((0.7, 1.1)).is_empty());
+}
+
+#[test]
+fn a_post_alone_and_a_hedge_around_it_carry_no_sign() {
+    assert!(Post::new(5.0, 30.0).found(2.8).is_empty());
+    let mut post = Post::new(5.0, 30.0);
+    for depth in 0..6 {
+        post.board(4.0, (0.0, 2.0), 0.3 - 0.1 * f64::from(depth), [Some(METAL), Some(METAL)]);
+    }
+    assert!(post.found(2.8).is_empty());
+}

@@ -4,6 +4,7 @@
 //! agree with the scans, [`cloud`] stitches a window of the drive over its
 //! [`ground`], [`poles`], [`signs`] and [`lanes`] find the landmarks in it,
 //! and [`roads`] cuts the drive into the stretches that they belong to.
+//! [`fuse`] makes one landmark of what was seen twice.
 
 pub mod atlas;
 pub mod build;
@@ -15,6 +16,7 @@ pub mod drive;
 pub mod error;
 pub mod evidence;
 pub mod export;
+pub mod fuse;
 pub mod grid;
 pub mod ground;
 pub mod input;

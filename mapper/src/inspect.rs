@@ -146,6 +146,21 @@ pub fn build_text(build: &BuildReport) -> String {
                 r.rms_refined_m,
                 r.rms_given_m,
             );
+            if r.survey_sigma_m > build.config.refine.graph.survey_sigma_m {
+                let _ = writeln!(
+                    out,
+                    "the survey contradicts the scans: its positions count as accurate to {:.2} m, not {:.2} m",
+                    r.survey_sigma_m, build.config.refine.graph.survey_sigma_m,
+                );
+            }
+            let seen = &r.revisits;
+            if seen.places > 0 {
+                let _ = writeln!(
+                    out,
+                    "{} places seen again, {} of them tie the passes: {:.3} m rms apart there, untied {:.3} m",
+                    seen.places, seen.kept, seen.apart_after_m, seen.apart_before_m,
+                );
+            }
         }
     }
     out

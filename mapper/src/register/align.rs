@@ -71,7 +71,8 @@ pub struct Alignment {
 
 /// A surface of the scan with its mean in the Velodyne frame.
 pub struct ScanSurface {
-    surface: Surface,
+    /// The surface.
+    pub surface: Surface,
 }
 
 /// The surfaces of a scan reduced to voxels.

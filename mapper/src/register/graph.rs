@@ -1,4 +1,4 @@
-//! Brings the scans' own motion and the survey's poses together: a chain of
+//! Brings the scans' own motion and the survey's poses together: a graph of
 //! poses with a constant misalignment of the survey's axes.
 //!
 //! Unknown are the camera poses `X_i` of the stitched frames and one rotation
@@ -10,14 +10,21 @@
 //!   with a Cauchy weight,
 //! - `X_i.t - G_i.t`: the survey's positions, with a Cauchy weight,
 //! - `log((G_i.R E)^T X_i.R)`: the survey's orientations but for `E`,
+//! - `local(Z_ij, X_i^-1 X_j)`: where the drive comes back to a place, the
+//!   motion between both passes, with a Cauchy weight,
 //! - `log(E)`.
 //!
-//! The normal matrix is block tridiagonal with a border of three columns for
-//! `E`: one elimination along the chain, then a 3x3 system.
+//! Without revisits the normal matrix is block tridiagonal with a border of
+//! three columns for `E`, and one elimination along the chain solves it.
+//! Revisits break the band by 6 rows each; conjugate gradients with the
+//! eliminated chain as their preconditioner then need no more than that many
+//! steps, in practice some dozens, and memory stays linear in the drive.
 
-use common::geometry::{Pose, Tangent, local, retract};
-use nalgebra::{Matrix3, Matrix6, SMatrix, Translation3, UnitQuaternion, Vector3};
+use common::geometry::{Pose, Tangent, retract};
+use nalgebra::{Matrix6, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
+
+use super::chain::{Chain, MotionTerm, Step};
 
 /// Accuracies that weigh the scans' motion against the survey.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -35,16 +42,26 @@ pub struct GraphConfig {
     pub survey_motion_sigma_m: f64,
     /// The same, radians per axis.
     pub survey_motion_sigma_rad: f64,
-    /// Stated accuracy of the survey's positions, metres per axis.
+    /// Stated accuracy of the survey's positions, metres per axis; where its
+    /// distances contradict those of the scans by more, it counts as less
+    /// accurate by as much.
     pub survey_sigma_m: f64,
+    /// Way over which these distances are compared, metres: long enough for
+    /// what surveys drift, short enough for what registration does.
+    pub survey_check_m: f64,
     /// Stated accuracy of the survey's orientations once the constant
     /// misalignment is taken off, radians per axis.
     pub survey_sigma_rad: f64,
     /// How far the survey's axes may stand off the camera's, radians per axis.
     pub misalignment_sigma_rad: f64,
-    /// Scale of the Cauchy weight on the survey's positions, in standard
-    /// deviations: where survey and scans contradict each other, the scans
-    /// decide, for the map is made of scans.
+    /// Least standard deviation of the motion between two passes of one place,
+    /// metres per axis: they see its things from different sides.
+    pub revisit_sigma_m: f64,
+    /// The same, radians per axis.
+    pub revisit_sigma_rad: f64,
+    /// Scale of the Cauchy weight on the survey's positions and on revisits,
+    /// in standard deviations: where survey and scans contradict each other,
+    /// the scans decide, for the map is made of scans.
     pub robust_sigmas: f64,
 }
 
@@ -57,8 +74,11 @@ impl Default for GraphConfig {
             survey_motion_sigma_m: 0.02,
             survey_motion_sigma_rad: 5e-4,
             survey_sigma_m: 0.1,
+            survey_check_m: 30.0,
             survey_sigma_rad: 2e-3,
             misalignment_sigma_rad: 0.01,
+            revisit_sigma_m: 0.02,
+            revisit_sigma_rad: 1e-3,
             robust_sigmas: 3.0,
         }
     }
@@ -73,6 +93,19 @@ pub struct Motion {
     pub information: Matrix6<f64>,
 }
 
+/// A motion between two passes of one place, from registration.
+#[derive(Debug, Clone, Copy)]
+pub struct Revisit {
+    /// Index of the stitched frame of the earlier pass.
+    pub before: usize,
+    /// Index of the stitched frame of the later pass.
+    pub after: usize,
+    /// `camera_before_from_camera_after`.
+    pub before_from_after: Pose,
+    /// Normal matrix of the registration in the tangent of the later camera.
+    pub information: Matrix6<f64>,
+}
+
 /// What the refinement gives.
 #[derive(Debug, Clone)]
 pub struct Refined {
@@ -80,71 +113,14 @@ pub struct Refined {
     pub map_from_camera: Vec<Pose>,
     /// `E`: takes the camera's axes to the survey's.
     pub survey_from_camera: UnitQuaternion<f64>,
-}
-
-type Border = SMatrix<f64, 6, 3>;
-
-/// The normal equations of the chain.
-struct Chain {
-    diagonal: Vec<Matrix6<f64>>,
-    /// Block (i, i + 1).
-    above: Vec<Matrix6<f64>>,
-    border: Vec<Border>,
-    corner: Matrix3<f64>,
-    gradient: Vec<Tangent>,
-    corner_gradient: Vector3<f64>,
-}
-
-impl Chain {
-    fn zero(n: usize) -> Self {
-        Self {
-            diagonal: vec![Matrix6::zeros(); n],
-            above: vec![Matrix6::zeros(); n.saturating_sub(1)],
-            border: vec![Border::zeros(); n],
-            corner: Matrix3::zeros(),
-            gradient: vec![Tangent::zeros(); n],
-            corner_gradient: Vector3::zeros(),
-        }
-    }
-
-    /// Solves for the steps of the poses and of `E`; none where the matrix is
-    /// not positive definite.
-    fn solve(mut self) -> Option<(Vec<Tangent>, Vector3<f64>)> {
-        let n = self.diagonal.len();
-        let mut inverse = Vec::with_capacity(n);
-        for i in 0..n {
-            let chol = self.diagonal[i].cholesky()?;
-            if i + 1 < n {
-                let gain = chol.solve(&self.above[i]).transpose();
-                self.diagonal[i + 1] -= gain * self.above[i];
-                let (border, gradient) = (self.border[i], self.gradient[i]);
-                self.border[i + 1] -= gain * border;
-                self.gradient[i + 1] -= gain * gradient;
-            }
-            let solved = chol.solve(&self.border[i]);
-            self.corner -= self.border[i].transpose() * solved;
-            self.corner_gradient -= solved.transpose() * self.gradient[i];
-            inverse.push(chol);
-        }
-        let e = self.corner.cholesky()?.solve(&-self.corner_gradient);
-        let mut steps = vec![Tangent::zeros(); n];
-        for i in (0..n).rev() {
-            let mut rhs = -self.gradient[i] - self.border[i] * e;
-            if i + 1 < n {
-                rhs -= self.above[i] * steps[i + 1];
-            }
-            steps[i] = inverse[i].solve(&rhs);
-        }
-        Some((steps, e))
-    }
+    /// Accuracy that the survey's positions were counted with, metres per axis.
+    pub survey_sigma_m: f64,
 }
 
 /// Weight of a registered motion: the inverse of its inflated covariance
 /// plus the floor. None of the floor's directions counts more than the floor.
-fn motion_weight(information: &Matrix6<f64>, config: &GraphConfig) -> Matrix6<f64> {
-    let floor = Matrix6::from_diagonal(&Tangent::from_fn(|i, _| {
-        (if i < 3 { config.motion_sigma_m } else { config.motion_sigma_rad }).powi(2)
-    }));
+fn motion_weight(information: &Matrix6<f64>, floor: [f64; 2], config: &GraphConfig) -> Matrix6<f64> {
+    let floor = Matrix6::from_diagonal(&Tangent::from_fn(|i, _| floor[i / 3].powi(2)));
     // A direction that the scans leave open has next to no information.
     let open = Matrix6::identity() * 1e-3;
     let covariance =
@@ -152,135 +128,198 @@ fn motion_weight(information: &Matrix6<f64>, config: &GraphConfig) -> Matrix6<f6
     (covariance + floor).try_inverse().unwrap_or_else(Matrix6::zeros)
 }
 
-fn cauchy(squared_sigmas: f64, config: &GraphConfig) -> f64 {
-    1.0 / (1.0 + squared_sigmas / config.robust_sigmas.powi(2))
+fn cauchy(squared_sigmas: f64, robust_sigmas: f64) -> f64 {
+    1.0 / (1.0 + squared_sigmas / robust_sigmas.powi(2))
 }
 
-impl Chain {
-    /// Adds `local(z, X_i^-1 X_(i+1))` with a weight.
-    fn add_motion(&mut self, i: usize, poses: &[Pose], z: &Pose, weight: &Matrix6<f64>) {
-        let m = poses[i].inverse() * poses[i + 1];
-        let r = local(z, &m);
-        let back = m.rotation.inverse().to_rotation_matrix().into_inner();
-        let mut j = Matrix6::zeros();
-        j.fixed_view_mut::<3, 3>(0, 0).copy_from(&-back);
-        j.fixed_view_mut::<3, 3>(0, 3).copy_from(&(back * m.translation.vector.cross_matrix()));
-        j.fixed_view_mut::<3, 3>(3, 3).copy_from(&-back);
-        self.diagonal[i] += j.transpose() * weight * j;
-        self.diagonal[i + 1] += weight;
-        self.above[i] += j.transpose() * weight;
-        self.gradient[i] += j.transpose() * weight * r;
-        self.gradient[i + 1] += weight * r;
-    }
+/// Adds the survey's pose of a frame.
+fn add_survey(chain: &mut Chain, i: usize, pose: &Pose, survey: &Pose, e: &UnitQuaternion<f64>, config: &GraphConfig) {
+    let off = pose.rotation.inverse() * (pose.translation.vector - survey.translation.vector);
+    let weight = config.survey_sigma_m.powi(-2);
+    chain.add_position(i, &off, weight * cauchy(off.norm_squared() * weight, config.robust_sigmas));
+    let turn = ((survey.rotation * e).inverse() * pose.rotation).scaled_axis();
+    chain.add_orientation(i, &turn, config.survey_sigma_rad.powi(-2));
+}
 
-    /// Adds the survey's pose of a frame.
-    fn add_survey(&mut self, i: usize, pose: &Pose, survey: &Pose, e: &UnitQuaternion<f64>, config: &GraphConfig) {
-        let off = pose.rotation.inverse() * (pose.translation.vector - survey.translation.vector);
-        let w_position = config.survey_sigma_m.powi(-2);
-        let w_position = w_position * cauchy(off.norm_squared() * w_position, config);
-        let w_rotation = config.survey_sigma_rad.powi(-2);
-        let turn = ((survey.rotation * e).inverse() * pose.rotation).scaled_axis();
-        for k in 0..3 {
-            self.diagonal[i][(k, k)] += w_position;
-            self.diagonal[i][(k + 3, k + 3)] += w_rotation;
-            self.gradient[i][k] += w_position * off[k];
-            self.gradient[i][k + 3] += w_rotation * turn[k];
-            self.border[i][(k + 3, k)] -= w_rotation;
-            self.corner[(k, k)] += w_rotation;
-            self.corner_gradient[k] -= w_rotation * turn[k];
+/// Solves the normal equations of the chain and of the revisits; none where
+/// they are not positive definite.
+fn solve(chain: &Chain, revisits: &[(&Revisit, MotionTerm)]) -> Option<Step> {
+    let factors = chain.factor()?;
+    let mut rhs = chain.gradient.clone();
+    for (revisit, term) in revisits {
+        let pull = term.weight * term.residual;
+        rhs.poses[revisit.before] += term.before.transpose() * pull;
+        rhs.poses[revisit.after] += pull;
+    }
+    rhs.scale(-1.0);
+    if revisits.is_empty() {
+        return Some(factors.solve(&rhs));
+    }
+    let times = |step: &Step| {
+        let mut out = chain.times(step);
+        for (revisit, term) in revisits {
+            let pull = term.weight * (term.before * step.poses[revisit.before] + step.poses[revisit.after]);
+            out.poses[revisit.before] += term.before.transpose() * pull;
+            out.poses[revisit.after] += pull;
         }
+        out
+    };
+    // Hestenes and Stiefel 1952, preconditioned.
+    let mut step = Step::zero(rhs.poses.len());
+    let mut residual = rhs;
+    let mut solved = factors.solve(&residual);
+    let mut direction = solved.clone();
+    let mut product = residual.dot(&solved);
+    let enough = product * CG_TOLERANCE.powi(2);
+    for _ in 0..6 * revisits.len() + 3 {
+        if product <= enough {
+            break;
+        }
+        let bent = times(&direction);
+        let length = product / direction.dot(&bent);
+        if !length.is_finite() {
+            return None;
+        }
+        step.add(length, &direction);
+        residual.add(-length, &bent);
+        solved = factors.solve(&residual);
+        let next = residual.dot(&solved);
+        direction.scale(next / product);
+        direction.add(1.0, &solved);
+        product = next;
     }
+    Some(step)
 }
 
-/// Refines the survey's poses with the motions between neighbours.
+/// Most steps of the refinement.
+const MOST_STEPS: usize = 50;
+
+/// What is left of a step's error, as a share: the steps are repeated until
+/// they are small, so that each need be right to a few digits only.
+const CG_TOLERANCE: f64 = 1e-4;
+
+/// Refines the survey's poses with the motions between neighbours and between
+/// passes.
 ///
 /// `survey` holds `map_from_camera` as the survey has it, `motions` what
 /// registration found between each and the next: one fewer.
-pub fn refine_poses(survey: &[Pose], motions: &[Motion], config: &GraphConfig) -> Refined {
+pub fn refine_poses(survey: &[Pose], motions: &[Motion], revisits: &[Revisit], config: &GraphConfig) -> Refined {
     let n = survey.len();
     let mut poses = survey.to_vec();
     let mut e = UnitQuaternion::identity();
-    let weights: Vec<Matrix6<f64>> = motions.iter().map(|m| motion_weight(&m.information, config)).collect();
+    let floor = [config.motion_sigma_m, config.motion_sigma_rad];
+    let weights: Vec<Matrix6<f64>> = motions.iter().map(|m| motion_weight(&m.information, floor, config)).collect();
+    let survey_sigma_m = survey_sigma_m(survey, motions, &weights, config);
+    let config = &GraphConfig {
+        survey_sigma_m,
+        // What drifts more drifts more in each step, too.
+        survey_motion_sigma_m: config.survey_motion_sigma_m * survey_sigma_m / config.survey_sigma_m,
+        ..config.clone()
+    };
+    let known = |r: &&Revisit| r.before < n && r.after < n;
+    let revisits: Vec<(&Revisit, Matrix6<f64>)> =
+        revisits.iter().filter(known).map(|r| (r, revisit_weight(r, config))).collect();
     let survey_weight = Matrix6::from_diagonal(&Tangent::from_fn(|i, _| {
         (if i < 3 { config.survey_motion_sigma_m } else { config.survey_motion_sigma_rad }).powi(-2)
     }));
     let w_e = config.misalignment_sigma_rad.powi(-2);
+    let robust = |mut term: MotionTerm, sigmas: f64| {
+        term.weight *= cauchy(term.squared_sigmas(), sigmas);
+        term
+    };
+    let tie = |r: &Revisit, w: &Matrix6<f64>, poses: &[Pose]| {
+        MotionTerm::new(&poses[r.before], &poses[r.after], &r.before_from_after, w)
+    };
+    // Both passes start as far apart as the survey has drifted: the robust
+    // scale begins there and is halved in each step (graduated non-convexity).
+    let farthest = revisits.iter().map(|(r, w)| tie(r, w, &poses).squared_sigmas().sqrt()).fold(0.0, f64::max);
+    let mut revisit_sigmas = farthest.max(config.robust_sigmas);
     // Small rotations and a near-linear chain: a handful of steps settle it;
     // the robust weights need some more.
-    for _ in 0..30 {
+    for _ in 0..MOST_STEPS {
         let mut chain = Chain::zero(n);
         for (i, (motion, weight)) in motions.iter().zip(&weights).enumerate().take(n - 1) {
-            chain.add_motion(i, &poses, &motion.before_from_after, weight);
+            let (a, b) = (&poses[i], &poses[i + 1]);
+            chain.add_motion(i, &MotionTerm::new(a, b, &motion.before_from_after, weight));
             let z = Pose::from_parts(Translation3::identity(), e).inverse()
                 * survey[i].inverse()
                 * survey[i + 1]
                 * Pose::from_parts(Translation3::identity(), e);
-            let r = local(&z, &(poses[i].inverse() * poses[i + 1]));
-            let robust = cauchy((r.transpose() * survey_weight * r).x, config);
-            chain.add_motion(i, &poses, &z, &(survey_weight * robust));
+            chain.add_motion(i, &robust(MotionTerm::new(a, b, &z, &survey_weight), config.robust_sigmas));
         }
         for i in 0..n {
-            chain.add_survey(i, &poses[i], &survey[i], &e, config);
+            add_survey(&mut chain, i, &poses[i], &survey[i], &e, config);
         }
-        chain.corner += Matrix3::identity() * w_e;
-        chain.corner_gradient += e.scaled_axis() * w_e;
-        let Some((steps, turn)) = chain.solve() else { break };
-        for (pose, step) in poses.iter_mut().zip(&steps) {
+        chain.add_misalignment(&e.scaled_axis(), w_e);
+        let terms: Vec<(&Revisit, MotionTerm)> =
+            revisits.iter().map(|(r, w)| (*r, robust(tie(r, w, &poses), revisit_sigmas))).collect();
+        let annealed = revisit_sigmas <= config.robust_sigmas;
+        revisit_sigmas = (revisit_sigmas / 2.0).max(config.robust_sigmas);
+        let Some(step) = solve(&chain, &terms) else { break };
+        for (pose, step) in poses.iter_mut().zip(&step.poses) {
             *pose = retract(pose, step);
         }
-        e *= UnitQuaternion::from_scaled_axis(turn);
-        if steps.iter().all(|s| s.amax() < 1e-6) && turn.amax() < 1e-7 {
+        e *= UnitQuaternion::from_scaled_axis(step.turn);
+        if annealed && step.poses.iter().all(|s| s.amax() < 1e-6) && step.turn.amax() < 1e-7 {
             break;
         }
     }
-    Refined { map_from_camera: poses, survey_from_camera: e }
+    Refined { map_from_camera: poses, survey_from_camera: e, survey_sigma_m: config.survey_sigma_m }
+}
+
+/// The accuracy of the survey's positions, metres per axis, that its distances
+/// have beside those of the scans: no better than stated, and none of what the
+/// scans leave open is put down to it. Distances do not feel a misalignment of
+/// the axes.
+fn survey_sigma_m(survey: &[Pose], motions: &[Motion], weights: &[Matrix6<f64>], config: &GraphConfig) -> f64 {
+    let mut registered = vec![Pose::identity()];
+    let (mut driven_m, mut variance_m2) = (vec![0.0], vec![0.0]);
+    for (k, (motion, weight)) in motions.iter().zip(weights).enumerate() {
+        let way = motion.before_from_after.translation.vector;
+        let along = motion.before_from_after.rotation.inverse() * way.try_normalize(1e-6).unwrap_or_else(Vector3::z);
+        let covariance = weight.try_inverse().unwrap_or_else(Matrix6::zeros);
+        registered.push(registered[k] * motion.before_from_after);
+        driven_m.push(driven_m[k] + way.norm());
+        variance_m2.push(variance_m2[k] + along.dot(&(covariance.fixed_view::<3, 3>(0, 0) * along)));
+    }
+    let distance_m =
+        |poses: &[Pose], a: usize, b: usize| (poses[b].translation.vector - poses[a].translation.vector).norm();
+    let n = survey.len().min(registered.len());
+    let (mut off_m2, mut open_m2): (Vec<f64>, Vec<f64>) = (0..n)
+        .map(|a| (a, driven_m.partition_point(|way| way - driven_m[a] < config.survey_check_m)))
+        .filter(|(_, b)| *b < n)
+        .map(|(a, b)| {
+            let off_m = distance_m(survey, a, b) - distance_m(&registered, a, b);
+            (off_m * off_m, variance_m2[b] - variance_m2[a])
+        })
+        .unzip();
+    off_m2.sort_by(f64::total_cmp);
+    open_m2.sort_by(f64::total_cmp);
+    let middle = off_m2.len() / 2;
+    if off_m2.len() < FEWEST_CHECKS {
+        return config.survey_sigma_m;
+    }
+    // A standard deviation is 1.48 median deviations; two positions make a
+    // distance.
+    let found_m2 = (1.48_f64.powi(2) * off_m2[middle] - open_m2[middle]) / 2.0;
+    config.survey_sigma_m.max(found_m2.max(0.0).sqrt())
+}
+
+/// Fewer distances do not tell how accurate a survey is.
+const FEWEST_CHECKS: usize = 4;
+
+fn revisit_weight(revisit: &Revisit, config: &GraphConfig) -> Matrix6<f64> {
+    motion_weight(&revisit.information, [config.revisit_sigma_m, config.revisit_sigma_rad], config)
+}
+
+/// Squared distance between a revisit and the poses of its frames, in
+/// standard deviations: a chi-square of six degrees of freedom.
+pub fn squared_sigmas(revisit: &Revisit, map_from_camera: &[Pose], config: &GraphConfig) -> f64 {
+    let (Some(before), Some(after)) = (map_from_camera.get(revisit.before), map_from_camera.get(revisit.after)) else {
+        return f64::INFINITY;
+    };
+    MotionTerm::new(before, after, &revisit.before_from_after, &revisit_weight(revisit, config)).squared_sigmas()
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A drive around a bend, and the survey of it with misaligned axes.
-    fn drive(e: &UnitQuaternion<f64>) -> (Vec<Pose>, Vec<Pose>) {
-        let mut pose = Pose::identity();
-        let mut truth = Vec::new();
-        for i in 0..40 {
-            truth.push(pose);
-            let bend = if i > 15 { 0.04 } else { 0.0 };
-            pose = retract(&pose, &Tangent::new(0.0, 0.02, 6.5, 0.001, bend, 0.0));
-        }
-        let survey = truth.iter().map(|p| Pose::from_parts(p.translation, p.rotation * e.inverse())).collect();
-        (truth, survey)
-    }
-
-    fn exact_motions(truth: &[Pose]) -> Vec<Motion> {
-        truth
-            .windows(2)
-            .map(|w| Motion { before_from_after: w[0].inverse() * w[1], information: Matrix6::identity() * 1e8 })
-            .collect()
-    }
-
-    #[test]
-    fn a_constant_misalignment_is_found_and_taken_out() {
-        let e = UnitQuaternion::from_scaled_axis(Vector3::new(0.003, -0.006, 0.002));
-        let (truth, survey) = drive(&e);
-        let motions = exact_motions(&truth);
-        let refined = refine_poses(&survey, &motions, &GraphConfig::default());
-        assert!(refined.survey_from_camera.angle_to(&e) < 5e-4);
-        for (a, b) in refined.map_from_camera.iter().zip(&truth) {
-            assert!((a.translation.vector - b.translation.vector).norm() < 0.02);
-            assert!(a.rotation.angle_to(&b.rotation) < 5e-4);
-        }
-    }
-
-    #[test]
-    fn where_the_survey_is_short_the_scans_keep_their_scale() {
-        let (truth, _) = drive(&UnitQuaternion::identity());
-        let motions = exact_motions(&truth);
-        let short: Vec<Pose> =
-            truth.iter().map(|p| Pose::from_parts((p.translation.vector * 0.97).into(), p.rotation)).collect();
-        let refined = refine_poses(&short, &motions, &GraphConfig::default());
-        let step = (refined.map_from_camera[10].inverse() * refined.map_from_camera[11]).translation.vector.norm();
-        assert!((step - 6.5).abs() < 0.01, "{step}");
-    }
-}
+mod tests;

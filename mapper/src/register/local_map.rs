@@ -129,6 +129,11 @@ impl LocalMap {
         self.cells.get(&VoxelKey::of(point_map, self.inverse_cell))?.surface.as_ref()
     }
 
+    /// All surfaces, in no order that means anything.
+    pub fn surfaces(&self) -> impl Iterator<Item = &Surface> {
+        self.cells.values().filter_map(|c| c.surface.as_ref())
+    }
+
     /// Whether nothing was inserted yet.
     pub fn is_empty(&self) -> bool {
         self.cells.is_empty()

@@ -1,11 +1,19 @@
 //! Scan registration: the motion between scans, from the scans themselves.
 
 mod align;
+mod chain;
 mod graph;
 mod local_map;
 mod odometry;
+mod refine;
+mod revisits;
+mod search;
+mod vertical_angle;
 
 pub use align::{AlignConfig, Alignment, ScanSurface, align, scan_surfaces};
-pub use graph::{GraphConfig, Motion, Refined, refine_poses};
+pub use graph::{GraphConfig, Motion, Refined, Revisit, refine_poses, squared_sigmas};
 pub use local_map::{LocalMap, Surface, SurfaceConfig};
-pub use odometry::{RefineConfig, Registration, Report, refine};
+pub use refine::{RefineConfig, Registration, Report, refine};
+pub use revisits::{RevisitConfig, RevisitReport};
+pub use search::SearchConfig;
+pub use vertical_angle::VerticalAngleConfig;

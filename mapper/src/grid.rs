@@ -34,8 +34,9 @@ impl Grid {
 
     /// Column and row of the cell that holds a point; none outside.
     pub fn cell(&self, p: &Point2<f64>) -> Option<(usize, usize)> {
-        let x = ((p.x - self.origin.x) / self.cell_m).floor();
-        let z = ((p.y - self.origin.y) / self.cell_m).floor();
+        let x = (p.x - self.origin.x) / self.cell_m;
+        let z = (p.y - self.origin.y) / self.cell_m;
+        // Of numbers that are not negative the cast takes the whole part.
         (x >= 0.0 && z >= 0.0 && x < self.width as f64 && z < self.height as f64).then_some((x as usize, z as usize))
     }
 

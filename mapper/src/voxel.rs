@@ -12,9 +12,16 @@ const AXIS_HALF: i64 = 1 << (AXIS_BITS - 1);
 impl VoxelKey {
     /// The voxel of edge `1 / inverse_cell` that holds a point.
     pub fn of(point: &Point3<f64>, inverse_cell: f64) -> Self {
-        let axis = |v: f64| (((v * inverse_cell).floor() as i64) + AXIS_HALF).clamp(0, 2 * AXIS_HALF - 1) as u64;
+        let axis = |v: f64| floor(v * inverse_cell).saturating_add(AXIS_HALF).clamp(0, 2 * AXIS_HALF - 1) as u64;
         Self(axis(point.x) << (2 * AXIS_BITS) | axis(point.y) << AXIS_BITS | axis(point.z))
     }
+}
+
+/// The largest whole number that is not larger. `f64::floor` is a call on
+/// processors that need not know the instruction, and was 6 % of a build.
+fn floor(v: f64) -> i64 {
+    let whole = v as i64;
+    whole.saturating_sub(i64::from(whole as f64 > v))
 }
 
 /// Count, mean and scatter of points; two can be merged exactly.
@@ -114,6 +121,13 @@ mod tests {
         assert!((merged.mean - whole.mean).norm() < 1e-9);
         assert!((merged.scatter - whole.scatter).norm() < 1e-6);
         assert!((merged.count - 200.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn whole_numbers_are_rounded_down() {
+        for v in [-1e300, -3.0, -2.5, -1e-9, -0.0, 0.0, 0.3, 1.0, 7.999, 1e300, f64::NAN, f64::NEG_INFINITY] {
+            assert_eq!(floor(v), v.floor() as i64, "{v}");
+        }
     }
 
     #[test]

@@ -10,6 +10,7 @@ use crate::drive::Drive;
 use crate::error::Result;
 use crate::evidence::EvidenceBook;
 use crate::lanes::{LanePiece, Paint, describe, find_lines, join};
+use crate::passes::Passes;
 use crate::poles::{FittedPole, find_poles};
 use crate::register::{Registration, refine};
 use crate::roads::{Stretch, road, stretches};
@@ -82,11 +83,11 @@ pub fn build(
     let cut = stretches(poses, first, last, &config.roads);
     let mut map = SemanticMap {
         frame_note: drive.name(),
-        roads: cut.iter().map(|s| road(poses, s, &config.roads)).collect(),
+        roads: cut.iter().filter(|s| !s.is_again).map(|s| road(poses, s, &config.roads)).collect(),
         ..SemanticMap::default()
     };
     let windows: Vec<&[Stretch]> = cut.chunks(config.roads.per_window.max(1)).collect();
-    let mut poles: Vec<(Pole, FittedPole)> = Vec::new();
+    let mut passes = Passes::default();
     let mut evidence = EvidenceBook::default();
     for (k, window) in windows.iter().enumerate() {
         let ends = (k == 0, k + 1 == windows.len());
@@ -103,11 +104,9 @@ pub fn build(
             done: k + 1,
             count: windows.len(),
         })?;
-        poles.extend(found.poles);
-        map.signs.extend(found.signs);
-        map.lanes.extend(found.lanes);
+        passes.add(k as u32, found.poles, found.signs, found.lanes);
     }
-    map.poles = without_doubles(poles, config.poles.ring_outer_m);
+    passes.join(&mut map, &config.fuse);
     Ok(Built { map, registration, evidence })
 }
 
@@ -173,7 +172,7 @@ fn extract(cloud: &Cloud, owned: &std::ops::Range<f64>, map: &SemanticMap, confi
             .collect(),
         lanes: lanes
             .iter()
-            .flat_map(|piece| by_road(piece, cloud, owned, map))
+            .flat_map(|piece| by_road(piece, cloud, owned, map, config))
             .map(|(road, kind, points_map)| LaneLine { kind, points_map, road })
             .collect(),
     }
@@ -194,14 +193,16 @@ fn by_road(
     cloud: &Cloud,
     owned: &std::ops::Range<f64>,
     map: &SemanticMap,
+    config: &Config,
 ) -> Vec<(RoadId, LaneKind, Vec<Point3<f64>>)> {
     let mut cuts: Vec<f64> = map
         .roads
         .iter()
         .filter_map(|r| r.path_map.first())
         .map(|p| cloud.place(p))
-        // Roads elsewhere fall on the ends of this window's path, off it.
-        .filter(|place| place.offset_m.abs() < 1.0)
+        // Roads elsewhere fall on the ends of this window's path, off it;
+        // where another pass gave the road, it begins on another lane.
+        .filter(|place| place.offset_m.abs() < config.roads.carriageway_m)
         .map(|place| place.station_m)
         .filter(|s| *s > 1.0 && owned.contains(s))
         .collect();
@@ -239,23 +240,4 @@ fn clip(piece: &LanePiece, from_m: f64, to_m: f64) -> Vec<Point3<f64>> {
     let inner =
         stations.iter().zip(&piece.points_map).filter(|(s, _)| **s > from + 0.1 && **s < to - 0.1).map(|(_, p)| *p);
     std::iter::once(at(from)).chain(inner).chain(std::iter::once(at(to))).collect()
-}
-
-/// One pole of those that stand at the same place: the one with most points.
-fn without_doubles(mut poles: Vec<(Pole, FittedPole)>, within_m: f64) -> Vec<Pole> {
-    poles.sort_by(|a, b| {
-        let key = |p: &Pole| (p.foot_map.z, p.foot_map.x);
-        b.1.points.cmp(&a.1.points).then(key(&a.0).partial_cmp(&key(&b.0)).unwrap_or(std::cmp::Ordering::Equal))
-    });
-    let mut kept: Vec<Pole> = Vec::new();
-    for (pole, _) in poles {
-        let near = |k: &Pole| {
-            let d = k.foot_map - pole.foot_map;
-            d.x.hypot(d.z) < within_m
-        };
-        if !kept.iter().any(near) {
-            kept.push(pole);
-        }
-    }
-    kept
 }

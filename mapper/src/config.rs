@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cloud::CloudConfig;
 use crate::evidence::EvidenceConfig;
+use crate::fuse::FuseConfig;
 use crate::ground::GroundConfig;
 use crate::input::InputConfig;
 use crate::lanes::LaneConfig;
@@ -40,6 +41,8 @@ pub struct Config {
     pub lanes: LaneConfig,
     /// How well landmarks are known.
     pub evidence: EvidenceConfig,
+    /// What was seen twice.
+    pub fuse: FuseConfig,
 }
 
 impl Default for Config {
@@ -56,6 +59,7 @@ impl Default for Config {
             signs: SignConfig::default(),
             lanes: LaneConfig::default(),
             evidence: EvidenceConfig::default(),
+            fuse: FuseConfig::default(),
         }
     }
 }

@@ -23,6 +23,7 @@ pub mod input;
 pub mod inspect;
 pub mod lanes;
 pub mod lidar;
+pub mod passes;
 pub mod path;
 pub mod poles;
 pub mod register;

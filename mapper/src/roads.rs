@@ -1,8 +1,11 @@
 //! Stretches of the driven road, so that the localizer looks near by.
 
+use std::collections::BTreeMap;
+use std::ops::Range;
+
 use common::geometry::Pose;
 use common::map::Road;
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::lanes::simplify;
@@ -18,11 +21,32 @@ pub struct RoadConfig {
     pub tolerance_m: f64,
     /// Number of stretches whose cloud is held in memory at a time.
     pub per_window: usize,
+    /// Farthest from the path of a road at which another pass drives on it,
+    /// metres: two lanes to the side; parallel streets are farther apart.
+    pub carriageway_m: f64,
+    /// Largest angle against it, radians, there or back: more is a crossing.
+    pub parallel_rad: f64,
+    /// Largest difference in height, metres: a road over another is higher.
+    pub storey_m: f64,
+    /// Least way driven until a road can be come back to, metres.
+    pub least_way_m: f64,
+    /// Shorter pieces between others of one kind are of that kind, metres:
+    /// paths wander at the edge of a carriageway, and turn into it.
+    pub shortest_m: f64,
 }
 
 impl Default for RoadConfig {
     fn default() -> Self {
-        Self { length_m: 50.0, tolerance_m: 0.1, per_window: 3 }
+        Self {
+            length_m: 50.0,
+            tolerance_m: 0.1,
+            per_window: 3,
+            carriageway_m: 8.0,
+            parallel_rad: 0.5,
+            storey_m: 4.0,
+            least_way_m: 50.0,
+            shortest_m: 15.0,
+        }
     }
 }
 
@@ -33,24 +57,108 @@ pub struct Stretch {
     pub first: usize,
     /// Last frame: the first of the next stretch, but for the last one.
     pub last: usize,
+    /// Whether it runs along a road that an earlier stretch has given: it
+    /// gives none, and its landmarks join that road.
+    pub is_again: bool,
 }
 
-/// Cuts the frames `first..=last` into stretches of about the same length.
+/// Cuts the frames `first..=last` into stretches of about the same length,
+/// none of which is partly on a road that is there already.
 pub fn stretches(map_from_camera: &[Pose], first: usize, last: usize, config: &RoadConfig) -> Vec<Stretch> {
-    let step = |f: usize| (map_from_camera[f].translation.vector - map_from_camera[f - 1].translation.vector).norm();
-    let whole: f64 = (first + 1..=last).map(step).sum();
-    let count = (whole / config.length_m).round().max(1.0);
-    let each = whole / count;
-    let mut cuts = vec![first];
-    let mut driven = 0.0;
-    for f in first + 1..=last {
-        driven += step(f);
-        if driven >= each * cuts.len() as f64 - 1e-9 && (cuts.len() as f64) < count {
+    let driven_m = driven_m(&map_from_camera[first..=last]);
+    let again = driven_again(&map_from_camera[first..=last], &driven_m, config);
+    runs(&again)
+        .into_iter()
+        .flat_map(|run| {
+            // Stretches share their ends, also where one kind follows the other.
+            let end = (run.end).min(again.len() - 1);
+            cut(&driven_m[run.start..=end], config.length_m)
+                .into_iter()
+                .map(move |(a, b)| (run.start + a, run.start + b))
+        })
+        .map(|(a, b)| Stretch { first: first + a, last: first + b, is_again: again[a] })
+        .collect()
+}
+
+/// Way driven to each pose, metres.
+fn driven_m(poses: &[Pose]) -> Vec<f64> {
+    let steps = poses.windows(2).map(|w| (w[1].translation.vector - w[0].translation.vector).norm());
+    let mut driven = vec![0.0];
+    driven.extend(steps.scan(0.0, |way, step| {
+        *way += step;
+        Some(*way)
+    }));
+    driven
+}
+
+/// Cuts a way, given by the distance driven to each of its frames, into pieces
+/// of about a length; first and last frame of each.
+fn cut(driven_m: &[f64], length_m: f64) -> Vec<(usize, usize)> {
+    let (Some(start), Some(end)) = (driven_m.first(), driven_m.last()) else { return Vec::new() };
+    let count = ((end - start) / length_m).round().max(1.0);
+    let each = (end - start) / count;
+    let mut cuts = vec![0];
+    for (f, way) in driven_m.iter().enumerate().skip(1) {
+        if way - start >= each * cuts.len() as f64 - 1e-9 && (cuts.len() as f64) < count {
             cuts.push(f);
         }
     }
-    cuts.push(last);
-    cuts.windows(2).map(|w| Stretch { first: w[0], last: w[1] }).collect()
+    cuts.push(driven_m.len() - 1);
+    cuts.windows(2).map(|w| (w[0], w[1])).collect()
+}
+
+/// Which frames are on a road that the drive was on before.
+fn driven_again(poses: &[Pose], driven_m: &[f64], config: &RoadConfig) -> Vec<bool> {
+    let cell_m = config.carriageway_m.max(1.0);
+    let cell = |p: &Pose| ((p.translation.x / cell_m).floor() as i64, (p.translation.z / cell_m).floor() as i64);
+    let ahead = |p: &Pose| {
+        let v = p.rotation * Vector3::z();
+        Vector2::new(v.x, v.z).normalize()
+    };
+    let least_cos = config.parallel_rad.cos();
+    let mut roads: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
+    let mut again: Vec<bool> = Vec::with_capacity(poses.len());
+    let mut added = 0;
+    for (f, pose) in poses.iter().enumerate() {
+        while added < f && driven_m[f] - driven_m[added] >= config.least_way_m {
+            if !again[added] {
+                roads.entry(cell(&poses[added])).or_default().push(added);
+            }
+            added += 1;
+        }
+        let along = |&k: &usize| {
+            let apart = poses[k].translation.vector - pose.translation.vector;
+            apart.x.hypot(apart.z) <= config.carriageway_m
+                && apart.y.abs() <= config.storey_m
+                && ahead(&poses[k]).dot(&ahead(pose)).abs() >= least_cos
+        };
+        let (x, z) = cell(pose);
+        let near = (-1..=1).flat_map(|i| (-1..=1).map(move |k| (x + i, z + k))).filter_map(|c| roads.get(&c)).flatten();
+        again.push(near.into_iter().any(along));
+    }
+    // Short pieces of a road's own first: else a wandering path ends both.
+    for kind in [false, true] {
+        for run in runs(&again) {
+            let is_inner = run.start > 0 && run.end < again.len();
+            let length_m = driven_m[run.end.min(again.len() - 1)] - driven_m[run.start];
+            if again[run.start] == kind && (is_inner || kind) && length_m < config.shortest_m {
+                again[run].fill(!kind);
+            }
+        }
+    }
+    again
+}
+
+/// Runs of equal values.
+fn runs(values: &[bool]) -> Vec<Range<usize>> {
+    let mut start = 0;
+    values
+        .chunk_by(|a, b| a == b)
+        .map(|run| {
+            start += run.len();
+            start - run.len()..start
+        })
+        .collect()
 }
 
 /// The road of a stretch.
@@ -77,6 +185,50 @@ mod tests {
     #[test]
     fn a_vehicle_that_stands_still_has_one_stretch() {
         let cut = stretches(&[Pose::identity(); 4], 0, 3, &RoadConfig::default());
-        assert_eq!(cut, vec![Stretch { first: 0, last: 3 }]);
+        assert_eq!(cut, vec![Stretch { first: 0, last: 3, is_again: false }]);
+    }
+
+    /// Up a street of 300 m, round a block, and the street again: on the next
+    /// lane, the other way.
+    fn there_and_back() -> Vec<Pose> {
+        let up = (0..300).map(|i| Pose::translation(0.0, 0.0, f64::from(i)));
+        let turn = |a: f64| {
+            Pose::new(Vector3::new(10.0 - 10.0 * a.cos(), 0.0, 300.0 + 10.0 * a.sin()), Vector3::new(0.0, a, 0.0))
+        };
+        let bend = (0..12).map(|i| turn(f64::from(i) * 0.1));
+        let side = (0..100).map(|i| Pose::translation(10.0 + f64::from(i), 0.0, 310.0));
+        let back = |i: i32| {
+            Pose::new(Vector3::new(3.5, 0.0, f64::from(300 - i)), Vector3::new(0.0, std::f64::consts::PI, 0.0))
+        };
+        up.chain(bend).chain(side).chain((0..300).map(back)).collect()
+    }
+
+    #[test]
+    fn a_street_driven_again_is_one_road() {
+        let poses = there_and_back();
+        let cut = stretches(&poses, 0, poses.len() - 1, &RoadConfig::default());
+        assert!(cut.windows(2).all(|w| w[0].last == w[1].first), "{cut:?}");
+        let new: f64 = cut.iter().filter(|s| !s.is_again).map(|s| (s.last - s.first) as f64).sum();
+        assert!((395.0..430.0).contains(&new), "{new}");
+        assert!(cut.iter().filter(|s| s.is_again).all(|s| s.first >= 400), "{cut:?}");
+        let bridge: Vec<Pose> = poses
+            .iter()
+            .enumerate()
+            .map(|(i, p)| Pose::translation(0.0, if i > 405 { -6.0 } else { 0.0 }, 0.0) * p)
+            .collect();
+        assert!(stretches(&bridge, 0, bridge.len() - 1, &RoadConfig::default()).iter().all(|s| !s.is_again));
+    }
+
+    #[test]
+    fn a_crossing_is_no_road_driven_again() {
+        let along = (0..200).map(|i| Pose::translation(0.0, 0.0, f64::from(i)));
+        let across = (0..200).map(|i| {
+            Pose::new(
+                Vector3::new(f64::from(i) - 100.0, 0.0, 80.0),
+                Vector3::new(0.0, std::f64::consts::FRAC_PI_2, 0.0),
+            )
+        });
+        let poses: Vec<Pose> = along.chain(across).collect();
+        assert!(stretches(&poses, 0, 399, &RoadConfig::default()).iter().all(|s| !s.is_again));
     }
 }

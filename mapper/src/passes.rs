@@ -1,0 +1,143 @@
+//! Landmarks of all windows of a drive, each once: windows overlap, and a
+//! drive may come back to a place.
+
+use common::map::{LaneLine, Pole, RoadId, SemanticMap, Sign};
+use nalgebra::Matrix3;
+
+use crate::fuse::{FuseConfig, FusedLane, Sighting, fuse_lanes, fuse_poles, fuse_signs};
+use crate::poles::FittedPole;
+
+/// What the windows of a drive have found. Each window counts as a pass, for
+/// within one its landmarks were told apart.
+#[derive(Debug, Default)]
+pub struct Passes {
+    poles: Vec<Sighting<Pole>>,
+    signs: Vec<Sighting<Sign>>,
+    lanes: Vec<Sighting<LaneLine>>,
+}
+
+impl Passes {
+    /// Adds what a window has found.
+    pub fn add(&mut self, window: u32, poles: Vec<(Pole, FittedPole)>, signs: Vec<Sign>, lanes: Vec<LaneLine>) {
+        self.poles.extend(poles.into_iter().map(|(landmark, fitted)| Sighting {
+            landmark,
+            pass: window,
+            covariance_map_m2: Some(foot_covariance_m2(&fitted)),
+        }));
+        self.signs.extend(signs.into_iter().map(|landmark| sighting(landmark, window)));
+        self.lanes.extend(lanes.into_iter().map(|landmark| sighting(landmark, window)));
+    }
+
+    /// Puts each landmark into the map once.
+    pub fn join(self, map: &mut SemanticMap, config: &FuseConfig) {
+        map.poles = fuse_poles(&self.poles, config).into_iter().map(|f| f.landmark).collect();
+        map.signs = fuse_signs(&self.signs, config).into_iter().map(|f| f.landmark).collect();
+        let lanes = fuse_lanes(&self.lanes, config);
+        map.lanes = lanes.iter().flat_map(|line| by_road(line, map, config)).collect();
+    }
+}
+
+fn sighting<T>(landmark: T, pass: u32) -> Sighting<T> {
+    Sighting { landmark, pass, covariance_map_m2: None }
+}
+
+/// Covariance of the foot of a pole, square metres: its points err together
+/// within a scan, so the scans count; the few points of a far one do not tell
+/// its width, and all that is left of the spread is theirs.
+fn foot_covariance_m2(pole: &FittedPole) -> Matrix3<f64> {
+    let scans = pole.scans.max(1) as f64;
+    let views = scans.min(pole.points as f64 / POINTS_PER_VIEW).max(1.0);
+    Matrix3::identity() * (SCAN_SIGMA_M.powi(2) + pole.spread_m.powi(2)) / views
+}
+
+/// Error of a pole's place in one scan, metres: registration, range and beam.
+const SCAN_SIGMA_M: f64 = 0.05;
+/// Points of one scan that tell a pole's place as well as a scan can.
+const POINTS_PER_VIEW: f64 = 10.0;
+
+/// A line that several passes drew, cut where another road is nearer: passes
+/// cut it at places of their own.
+fn by_road(line: &FusedLane, map: &SemanticMap, config: &FuseConfig) -> Vec<LaneLine> {
+    let whole = |road| LaneLine { kind: line.kind, points_map: line.vertices(config), road };
+    if line.sightings.len() < 2 {
+        return vec![whole(line.road)];
+    }
+    let roads: Vec<RoadId> = line.samples.iter().map(|s| map.nearest_road(&s.point_map).unwrap_or(line.road)).collect();
+    let mut cuts: Vec<(usize, RoadId)> = Vec::new();
+    let mut start = 0;
+    for run in roads.chunk_by(|a, b| a == b) {
+        // Where a line ends shortly behind a cut, it is not worth the vertices.
+        let is_short = run.len() as f64 * config.lane_step_m < config.shortest_piece_m;
+        if cuts.last().is_none_or(|(_, road)| *road != run[0]) && !is_short {
+            cuts.push((start, run[0]));
+        }
+        start += run.len();
+    }
+    let Some(first) = cuts.first_mut() else { return vec![whole(line.road)] };
+    first.0 = 0;
+    let ends = cuts.iter().skip(1).map(|(start, _)| *start).chain([roads.len().saturating_sub(1)]);
+    cuts.iter()
+        .zip(ends)
+        // Pieces share the sample at which they meet: no gap.
+        .map(|(&(from, road), to)| LaneLine { kind: line.kind, points_map: line.part(from..to + 1, config), road })
+        .filter(|piece| piece.points_map.len() >= 2)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use common::map::{LaneKind, PoleKind, Road};
+    use nalgebra::Point3;
+
+    fn two_roads() -> SemanticMap {
+        let road = |from: f64, to: f64| Road { path_map: vec![Point3::new(0.0, 0.0, from), Point3::new(0.0, 0.0, to)] };
+        SemanticMap { roads: vec![road(0.0, 50.0), road(50.0, 100.0)], ..SemanticMap::default() }
+    }
+
+    fn lane(x: f64, from: f64, to: f64, road: u32) -> LaneLine {
+        LaneLine {
+            kind: LaneKind::Solid,
+            points_map: vec![Point3::new(x, 1.6, from), Point3::new(x, 1.6, to)],
+            road: RoadId(road),
+        }
+    }
+
+    fn pole(x: f64, z: f64) -> (Pole, FittedPole) {
+        let (foot, top) = (Point3::new(x, 1.6, z), Point3::new(x, -1.4, z));
+        let fitted = FittedPole {
+            foot,
+            top,
+            foot_height_m: 0.0,
+            top_height_m: 3.0,
+            radius_m: 0.05,
+            spread_m: 0.02,
+            points: 100,
+            scans: 5,
+            visibility: 1.0,
+            free_m: 2.5,
+            top_is_open: false,
+            attached_share: 0.0,
+            reflectance: 0.3,
+        };
+        (Pole { kind: PoleKind::SignPost, foot_map: foot, top_map: top, road: RoadId(0) }, fitted)
+    }
+
+    #[test]
+    fn what_two_passes_found_is_in_the_map_once() {
+        let mut passes = Passes::default();
+        passes.add(0, vec![pole(4.0, 10.0), pole(4.0, 10.4)], Vec::new(), vec![lane(-2.0, 0.0, 50.0, 0)]);
+        passes.add(1, vec![pole(5.0, 60.0)], Vec::new(), vec![lane(-2.0, 50.0, 100.0, 1)]);
+        passes.add(2, vec![pole(4.02, 10.02)], Vec::new(), vec![lane(-1.96, 20.0, 80.0, 0)]);
+        let mut map = two_roads();
+        passes.join(&mut map, &FuseConfig::default());
+        assert_eq!(map.poles.len(), 3, "two of one window are two, {:?}", map.poles);
+        let length_m: f64 =
+            map.lanes.iter().map(|l| (l.points_map[l.points_map.len() - 1] - l.points_map[0]).norm()).sum();
+        assert!((length_m - 100.0).abs() < 1.0, "{:?}", map.lanes);
+        for line in &map.lanes {
+            let middle = nalgebra::center(&line.points_map[0], &line.points_map[line.points_map.len() - 1]);
+            assert_eq!(map.nearest_road(&middle), Some(line.road));
+        }
+    }
+}

@@ -2,12 +2,12 @@
 
 use std::path::{Path as FilePath, PathBuf};
 
-use common::geometry::Pose;
+use common::geometry::{Pose, Tangent, local};
 use common::kitti::Sequence;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::input::Source;
+use crate::input::{Deskew, Source};
 use crate::scan::LidarScan;
 
 /// A drive and the frames of it that are stitched.
@@ -24,6 +24,9 @@ pub struct Drive {
     pub camera_from_velodyne: Pose,
     /// Farthest point kept, metres.
     pub max_range_m: f32,
+    /// How points are moved to the time of their scan, and the time that the
+    /// lidar takes for a turn, seconds.
+    pub deskew: (Deskew, f64),
     /// What the reader of the input wants people to know.
     pub notes: Vec<String>,
 }
@@ -115,6 +118,7 @@ impl Drive {
             times_s,
             camera_from_velodyne,
             max_range_m,
+            deskew: (Deskew::None, 0.0),
             notes: Vec::new(),
         })
     }
@@ -146,8 +150,24 @@ impl Drive {
     /// # Errors
     /// As [`LidarScan::read`].
     pub fn read(&self, frame: usize, vertical_angle_rad: f64) -> Result<LidarScan> {
-        let scan = self.source.read(frame, self.max_range_m)?;
+        let mut scan = self.source.read(frame, self.max_range_m)?;
+        let (deskew, turn_s) = self.deskew;
+        if deskew != Deskew::None {
+            deskew.apply(&mut scan.points, &self.motion_per_s(frame), turn_s);
+        }
         Ok(LidarScan::prepare(&scan, vertical_angle_rad))
+    }
+
+    /// Motion of the lidar at a frame, in its own frame, per second, by the
+    /// survey's poses before and after; none where there is only one.
+    fn motion_per_s(&self, frame: usize) -> Tangent {
+        let (a, b) = (frame.saturating_sub(1), (frame + 1).min(self.survey.len().saturating_sub(1)));
+        let pose =
+            |f: usize| self.survey.get(f).zip(self.times_s.get(f)).map(|(p, t)| (p * self.camera_from_velodyne, *t));
+        match pose(a).zip(pose(b)) {
+            Some(((before, from_s), (after, to_s))) if to_s > from_s => local(&before, &after) / (to_s - from_s),
+            _ => Tangent::zeros(),
+        }
     }
 
     /// Reads scans in parallel, a batch at a time, and hands `map`'s results

@@ -175,12 +175,12 @@ mod tests {
         write("calib_imu_to_velo.txt", "calib_time: x\nR: 1 0 0 0 1 0 0 0 1\nT: -0.8 0.3 -0.8\n");
         write("calib_cam_to_cam.txt", "calib_time: x\nR_rect_00: 1 0 0 0 1 0 0 0 1\n");
         let stamps = ["23:59:59.95", "00:00:00.05", "00:00:00.15"];
-        let stamps: String = stamps
+        let stamps: Vec<String> = stamps
             .iter()
             .enumerate()
             .map(|(i, s)| format!("2011-{:02}-{:02} {s}\n", 9 + i.min(1), 30 - 29 * i.min(1)))
             .collect();
-        write("d_sync/oxts/timestamps.txt", &stamps);
+        write("d_sync/oxts/timestamps.txt", &stamps.concat());
         for frame in 0..3 {
             let line = format!("49 {} 100 0 0 0{}\n", 8.0 + 1e-5 * f64::from(frame), " 0".repeat(24));
             write(&format!("d_sync/oxts/data/{frame:010}.txt"), &line);

@@ -7,7 +7,7 @@ use clap::Args;
 use crate::config::Config;
 use crate::drive::{Choice, Drive};
 use crate::error::{Error, Result};
-use crate::input::{ScanInput, SurveyFrame, open_raw, open_scans, open_stitched};
+use crate::input::{Deskew, ScanInput, SurveyFrame, open_raw, open_scans, open_stitched};
 
 /// Which drive, and which frames of it.
 #[derive(Debug, Args)]
@@ -46,6 +46,11 @@ pub struct SourceArgs {
     /// --raw: the folder of the three files of the day.
     #[arg(long, value_name = "PATH")]
     calib: Option<PathBuf>,
+    /// With --raw and --scans: take out the motion during the lidar's turn, by
+    /// the sense in which it turns, seen from above. Recordings of KITTI and
+    /// most others need it; what `fixtures` makes does not.
+    #[arg(long, value_enum, default_value_t, conflicts_with_all = ["kitti", "stitched"])]
+    deskew: Deskew,
     /// Stitch every Nth frame only.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
@@ -64,6 +69,12 @@ const MAX_RANGE_M: f32 = 120.0;
 impl SourceArgs {
     /// Opens the drive.
     pub fn open(&self, config: &Config) -> Result<Drive> {
+        let mut drive = self.opened(config)?;
+        drive.deskew = (self.deskew, config.input.turn_s);
+        Ok(drive)
+    }
+
+    fn opened(&self, config: &Config) -> Result<Drive> {
         let every = self.every as usize;
         let choice = Choice { every, first: self.first, last: self.last.unwrap_or(usize::MAX) };
         if let Some(folder) = &self.raw {

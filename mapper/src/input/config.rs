@@ -13,6 +13,9 @@ pub struct InputConfig {
     /// Intensity that counts as a reflectance of 1; 0 takes the least of 1,
     /// 255, 4095 and 65535 that no point of a few scans exceeds.
     pub full_intensity: f32,
+    /// Time that the lidar takes for a turn, seconds: over it a scan is
+    /// distorted by the motion, which `--deskew` takes out.
+    pub turn_s: f64,
     /// Points of a stitched cloud that are held in memory before they go to
     /// the disk.
     pub held_points: usize,
@@ -20,7 +23,7 @@ pub struct InputConfig {
 
 impl Default for InputConfig {
     fn default() -> Self {
-        Self { longest_gap_s: 0.5, full_intensity: 0.0, held_points: 4_000_000 }
+        Self { longest_gap_s: 0.5, full_intensity: 0.0, turn_s: 0.1, held_points: 4_000_000 }
     }
 }
 

@@ -13,6 +13,7 @@
 
 mod beams;
 mod config;
+mod deskew;
 mod formats;
 mod raw;
 mod scans;
@@ -25,6 +26,7 @@ use std::sync::Arc;
 use common::kitti::{RawDrive, Scan, Sequence, read_scan};
 
 pub use self::config::InputConfig;
+pub use self::deskew::Deskew;
 pub use self::raw::open_raw;
 pub use self::scans::{ScanInput, open_scans};
 pub use self::stitched::open_stitched;

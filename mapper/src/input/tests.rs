@@ -250,8 +250,8 @@ fn a_folder_that_does_not_fit_is_told() {
 fn a_stitched_cloud_is_cut_by_time_or_by_position() {
     let root = tempfile::tempdir().unwrap();
     let (cloud, survey) = (root.path().join("cloud.laz"), root.path().join("poses.txt"));
-    let rows: String = (0..9).map(|i| format!("{} {} 0 1.75 0 0 0 1\n", 50 + i, i * 5)).collect();
-    std::fs::write(&survey, rows).unwrap();
+    let rows: Vec<String> = (0..9).map(|i| format!("{} {} 0 1.75 0 0 0 1\n", 50 + i, i * 5)).collect();
+    std::fs::write(&survey, rows.concat()).unwrap();
     // Points along the road, each 3 m left of it and level with the lidar.
     let points: Vec<ScanPoint> = (0..160)
         .map(|i| ScanPoint { x_m: f32::from(i as i16) * 0.25, y_m: 3.0, z_m: 1.75, reflectance: 40_000.0 })

@@ -12,6 +12,7 @@ mod cloud_with_classes;
 mod demo;
 mod determinism;
 mod exports;
+mod inputs;
 mod map_from_scans;
 mod measured_streets;
 mod real_kitti;

@@ -220,7 +220,7 @@ impl<'a, 'b> TileWriter<'a, 'b> {
             tile.map.lanes.extend(own.lanes.into_iter().map(|lane| super::super::LaneLine { road, ..lane }));
         }
         (self.open_bytes, self.open_box) = (0, EMPTY);
-        let bytes = tile.encode(&EncodeOptions { quantum_m: self.grid.quantum_m() })?;
+        let bytes = tile.encode(EncodeOptions { quantum_m: self.grid.quantum_m() })?;
         let counts = tile.counts().ok_or_else(too_much)?;
         let (min, max) = match tile.map.bounds() {
             Some(b) => (self.corner(&b.min_map)?, self.corner(&b.max_map)?),
@@ -256,7 +256,9 @@ fn write_nodes(
     let mut nodes = Vec::with_capacity(children.len().div_ceil(CHILDREN));
     for group in children.chunks(CHILDREN) {
         let mut bytes = Vec::new();
-        group.iter().for_each(|child| child.write(&mut bytes));
+        for child in group {
+            child.write(&mut bytes);
+        }
         let over = Entry::over(group).ok_or_else(too_much)?;
         nodes.push(placed(over, &bytes, at)?);
         out.write_all(&bytes).map_err(Error::io(path))?;

@@ -103,7 +103,7 @@ impl Header {
             return malformed(format!("has {levels} levels over {} tiles", root.counts.tiles));
         }
         let ends_inside = root.offset >= HEADER_BYTES as u64 && root.end().is_some_and(|end| end <= length);
-        if !is_empty && !(ends_inside && root.contains(&root)) {
+        if !(is_empty || ends_inside && root.contains(&root)) {
             return malformed("points outside the file, or has a box without an inside".into());
         }
         Some(Ok(Self { length, grid, levels, frame_note, root }))

@@ -37,7 +37,9 @@ fn built(maps: &[SemanticMap], options: AtlasOptions) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.csa");
     let mut builder = AtlasBuilder::new(&path, options);
-    maps.iter().for_each(|map| builder.add(map, QUANTUM_M).unwrap());
+    for map in maps {
+        builder.add(map, QUANTUM_M).unwrap();
+    }
     let summary = builder.write(None).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     assert_eq!(summary.bytes, bytes.len() as u64);

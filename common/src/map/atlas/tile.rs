@@ -31,7 +31,7 @@ impl Tile {
     }
 
     /// Its bytes: the numbers, then the map file.
-    pub(super) fn encode(&self, options: &EncodeOptions) -> Result<Vec<u8>> {
+    pub(super) fn encode(&self, options: EncodeOptions) -> Result<Vec<u8>> {
         let mut next = 0;
         let gaps = self.road_numbers.iter().map(|&number| {
             let gap = u64::from(number).wrapping_sub(next);
@@ -41,7 +41,7 @@ impl Tile {
         let gaps = List(gaps.collect());
         let mut bytes = bincode::encode_to_vec(gaps, bincode::config::standard())
             .map_err(|e| Error::AtlasUnencodable { what: format!("the numbers of the roads of a tile: {e}") })?;
-        bytes.extend_from_slice(&self.map.encode(options)?);
+        bytes.extend_from_slice(&self.map.encode(&options)?);
         Ok(bytes)
     }
 

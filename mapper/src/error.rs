@@ -168,6 +168,16 @@ pub enum Error {
     /// A place on the Earth for a format that has none.
     #[error("the paper's text holds local metres only: leave --origin away, or export as CSV or GeoJSON")]
     OriginUnused,
+    /// A file of sources that is not that of the map beside it.
+    #[error("{}: {reason}; remove it to merge {} as it is, or merge its maps again", path.display(), map.display())]
+    BadSources {
+        /// The file of sources.
+        path: PathBuf,
+        /// The map beside it.
+        map: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
     /// A result that has no JSON form.
     #[error("the result cannot be printed as JSON: {0}")]
     Json(serde_json::Error),

@@ -4,7 +4,8 @@
 //! agree with the scans, [`cloud`] stitches a window of the drive over its
 //! [`ground`], [`poles`], [`signs`] and [`lanes`] find the landmarks in it,
 //! and [`roads`] cuts the drive into the stretches that they belong to.
-//! [`fuse`] makes one landmark of what was seen twice.
+//! [`fuse`] makes one landmark of what was seen twice, and [`merge`] one map
+//! of the drives of an area.
 
 pub mod atlas;
 pub mod build;
@@ -24,6 +25,7 @@ pub mod inspect;
 pub mod lanes;
 pub mod lidar;
 pub mod passes;
+pub mod merge;
 pub mod path;
 pub mod poles;
 pub mod register;

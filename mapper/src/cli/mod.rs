@@ -3,6 +3,7 @@
 mod atlas;
 mod build;
 mod export;
+mod merge;
 mod source;
 pub mod usage;
 mod views;
@@ -45,6 +46,8 @@ enum Command {
     Draw(Draw),
     /// Write a map as GeoJSON, Lanelet2 OSM, CSV, or the paper's text.
     Export(export::Export),
+    /// Merge maps of one area into one.
+    Merge(merge::Merge),
 }
 
 #[derive(Debug, Args)]
@@ -114,6 +117,7 @@ where
         Command::Atlas(arguments) => arguments.run(),
         Command::Draw(arguments) => views::draw(&arguments.file.map, &arguments.out),
         Command::Export(arguments) => arguments.run(),
+        Command::Merge(arguments) => arguments.run(),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -17,16 +17,18 @@ pub struct Place {
 
 /// Groups places of different passes that lie within `within_m` of each other,
 /// near ones first: average linkage, so that a chain of neighbours does not
-/// become one. The caller puts the places into an order that is their own; the
+/// become one. Places of one pass are one within `double_m` only: nearer than
+/// two such things can be. The caller puts the places into an order that is their own; the
 /// groups and the places in them keep it.
-pub fn cluster(places: &[Place], within_m: f64) -> Vec<Vec<usize>> {
+pub fn cluster(places: &[Place], within_m: f64, double_m: f64) -> Vec<Vec<usize>> {
     let buckets = Buckets::of(within_m, places.iter().map(|place| &place.point_map));
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (a, place) in places.iter().enumerate() {
         for b in buckets.near(&place.point_map, within_m).filter(|&b| b > a) {
             let other = &places[b];
             let distance_m = (place.point_map - other.point_map).norm();
-            if place.pass != other.pass && place.class == other.class && distance_m <= within_m {
+            let reach_m = if place.pass == other.pass { double_m.min(within_m) } else { within_m };
+            if place.class == other.class && distance_m <= reach_m {
                 pairs.push((distance_m, a, b));
             }
         }
@@ -34,7 +36,7 @@ pub fn cluster(places: &[Place], within_m: f64) -> Vec<Vec<usize>> {
     pairs.sort_by(|p, q| p.0.total_cmp(&q.0).then((p.1, p.2).cmp(&(q.1, q.2))));
     let mut groups = Groups::new(places);
     for (_, a, b) in pairs {
-        groups.join(a, b, within_m);
+        groups.join(a, b, within_m, double_m);
     }
     groups.finish()
 }
@@ -57,14 +59,17 @@ impl<'a> Groups<'a> {
         }
     }
 
-    fn join(&mut self, a: usize, b: usize, within_m: f64) {
+    fn join(&mut self, a: usize, b: usize, within_m: f64, double_m: f64) {
         let (a, b) = (self.first[a].min(self.first[b]), self.first[a].max(self.first[b]));
         let mean = |group: usize| self.sums[group] / self.members[group].len() as f64;
         if a == b || (mean(a) - mean(b)).norm() > within_m {
             return;
         }
-        let pass = |place: &usize| self.places[*place].pass;
-        if self.members[a].iter().any(|p| self.members[b].iter().any(|q| pass(p) == pass(q))) {
+        let are_two = |p: &usize, q: &usize| {
+            let (p, q) = (&self.places[*p], &self.places[*q]);
+            p.pass == q.pass && (p.point_map - q.point_map).norm() > double_m
+        };
+        if self.members[a].iter().any(|p| self.members[b].iter().any(|q| are_two(p, q))) {
             return;
         }
         let moved = std::mem::take(&mut self.members[b]);
@@ -96,20 +101,26 @@ mod tests {
     #[test]
     fn near_ones_of_different_passes_are_one() {
         let places = [at(0.0, 0), at(0.1, 1), at(0.3, 0), at(0.35, 1), at(5.0, 2)];
-        assert_eq!(cluster(&places, 0.5), [vec![0, 1], vec![2, 3], vec![4]]);
+        assert_eq!(cluster(&places, 0.5, 0.0), [vec![0, 1], vec![2, 3], vec![4]]);
     }
 
     #[test]
     fn a_chain_of_neighbours_does_not_become_one() {
         let places: Vec<Place> = (0..10).map(|i| at(f64::from(i) * 0.4, i as u32)).collect();
-        for group in cluster(&places, 0.5) {
+        for group in cluster(&places, 0.5, 0.0) {
             assert!(group.len() <= 3, "{group:?}");
         }
     }
 
     #[test]
+    fn what_one_pass_saw_double_is_one() {
+        let places = [at(0.0, 0), at(0.08, 0), at(0.04, 1), at(0.3, 0)];
+        assert_eq!(cluster(&places, 0.5, 0.1), [vec![0, 1, 2], vec![3]]);
+    }
+
+    #[test]
     fn classes_and_passes_are_kept_apart() {
         let other = Place { class: 1, ..at(0.0, 1) };
-        assert_eq!(cluster(&[at(0.0, 0), other, at(0.1, 0)], 0.5).len(), 3);
+        assert_eq!(cluster(&[at(0.0, 0), other, at(0.1, 0)], 0.5, 0.0).len(), 3);
     }
 }

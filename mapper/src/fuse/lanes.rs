@@ -5,11 +5,12 @@
 //! its position to the samples that it runs along, and its samples to the map
 //! where it runs on alone.
 
-use std::cmp::Ordering;
+use std::collections::VecDeque;
 
 use common::map::{LaneKind, LaneLine, RoadId};
 use nalgebra::{Point3, Vector3};
 
+use super::strands::{Strand, strands};
 use super::weights::{covariance_m2, vote};
 use super::{Buckets, FuseConfig, Sighting};
 use crate::lanes::simplify;
@@ -34,13 +35,19 @@ pub struct FusedLane {
     pub sightings: Vec<usize>,
     /// Samples along it, by driving order of its first sighting.
     pub samples: Vec<LaneSample>,
-    /// The vertices of its only sighting, where it has but one.
+    /// Its vertices, where but one pass saw it.
     only: Option<Vec<Point3<f64>>>,
 }
 
 impl FusedLane {
-    /// Its vertices: those of its only sighting, or the fused samples within
-    /// the tolerance.
+    /// Whether but one pass saw it: its sightings follow on each other, and
+    /// nothing was changed.
+    pub fn is_lone(&self) -> bool {
+        self.only.is_some()
+    }
+
+    /// Its vertices: as they are where but one pass saw it, else the fused
+    /// samples within the tolerance.
     pub fn vertices(&self, config: &FuseConfig) -> Vec<Point3<f64>> {
         self.only.clone().unwrap_or_else(|| simplified(&self.samples, config))
     }
@@ -63,36 +70,11 @@ fn simplified(samples: &[LaneSample], config: &FuseConfig) -> Vec<Point3<f64>> {
 /// height are the means weighted by information, the kind is that of most of
 /// the length.
 pub fn fuse_lanes(sightings: &[Sighting<LaneLine>], config: &FuseConfig) -> Vec<FusedLane> {
-    let mut order: Vec<usize> =
-        (0..sightings.len()).filter(|&index| sightings[index].landmark.points_map.len() >= 2).collect();
-    order.sort_by(|&a, &b| compare(&sightings[a], &sightings[b]));
     let mut fusion = Fusion::new(config);
-    for index in order {
-        fusion.add(index, &sightings[index]);
+    for strand in &strands(sightings) {
+        fusion.add(strand);
     }
-    fusion.lines.iter().filter_map(|line| fusion.finish(line, sightings)).collect()
-}
-
-fn length_m(line: &LaneLine) -> f64 {
-    line.points_map.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
-}
-
-/// Long ones first, then by value.
-fn compare(a: &Sighting<LaneLine>, b: &Sighting<LaneLine>) -> Ordering {
-    let (left, right) = (&a.landmark, &b.landmark);
-    let numbers = |line: &LaneLine| line.points_map.iter().flat_map(|p| [p.x, p.y, p.z]).collect::<Vec<f64>>();
-    let values = || {
-        let (l, r) = (numbers(left), numbers(right));
-        let difference = l.iter().zip(&r).map(|(p, q)| p.total_cmp(q)).find(|o| o.is_ne());
-        difference.unwrap_or(l.len().cmp(&r.len()))
-    };
-    let spread = |s: &Sighting<LaneLine>| s.covariance_map_m2.map_or(f64::INFINITY, |p| p.trace());
-    length_m(right)
-        .total_cmp(&length_m(left))
-        .then_with(values)
-        .then(left.kind.cmp(&right.kind))
-        .then(left.road.cmp(&right.road))
-        .then(spread(a).total_cmp(&spread(b)))
+    fusion.lines.iter().filter_map(|line| fusion.finish(line)).collect()
 }
 
 /// A place on the line that came first there, and what others said of it.
@@ -109,11 +91,12 @@ struct Node {
 }
 
 struct Line {
-    nodes: std::collections::VecDeque<usize>,
+    road: RoadId,
+    nodes: VecDeque<usize>,
     sightings: Vec<usize>,
     votes: Vec<(LaneKind, f64)>,
-    /// No other sighting adds anything to the first.
-    is_lone: bool,
+    /// The vertices of its first strand, if no other adds anything to it.
+    only: Option<Vec<Point3<f64>>>,
 }
 
 /// A sample of a line that is being added.
@@ -154,10 +137,10 @@ impl<'a> Fusion<'a> {
         Self { config, nodes: Vec::new(), lines: Vec::new(), buckets: Buckets::new(2.0 * config.lane_step_m) }
     }
 
-    fn add(&mut self, index: usize, sighting: &Sighting<LaneLine>) {
+    fn add(&mut self, strand: &Strand) {
         let step_m = self.config.lane_step_m.max(0.05);
-        let probes = probes(&sighting.landmark.points_map, step_m);
-        let matched = self.matches(&probes, sighting.pass);
+        let probes = probes(&strand.points_map, step_m);
+        let matched = self.matches(&probes, strand.pass);
         // One line after the other, the one it runs along best first: so it
         // does not jump to and fro between the two lines of a double one.
         let mut scores: Vec<(usize, f64)> = Vec::new();
@@ -176,21 +159,21 @@ impl<'a> Fusion<'a> {
                 }
             }
         }
-        let weight = 3.0 / covariance_m2(sighting.covariance_map_m2.as_ref(), self.config).trace();
+        let weight = 3.0 / covariance_m2(strand.covariance_map_m2.as_ref(), self.config).trace();
         for ((probe, slot), matches) in probes.iter().zip(&claimed).zip(&matched) {
             for m in matches.iter().filter(|m| Some(m.line) == *slot) {
-                self.contribute(m.node, probe, sighting.pass, weight);
+                self.contribute(m.node, probe, strand.pass, weight);
             }
         }
         for line in claimed.iter().flatten() {
             let line = &mut self.lines[*line];
-            line.votes.push((sighting.landmark.kind, weight));
-            if line.sightings.last() != Some(&index) {
-                line.sightings.push(index);
-                line.is_lone = false;
+            line.votes.push((strand.kind, weight));
+            if !line.sightings.ends_with(&strand.sightings) {
+                line.sightings.extend(&strand.sightings);
+                line.only = None;
             }
         }
-        self.add_rest(index, sighting, &probes, &claimed, weight);
+        self.add_rest(strand, &probes, &claimed, weight);
     }
 
     /// For every probe the nodes that it may be another sighting of.
@@ -237,35 +220,31 @@ impl<'a> Fusion<'a> {
 
     /// What no line claims: it prolongs the line that claims what is beside
     /// it, or is a line of its own.
-    fn add_rest(
-        &mut self,
-        index: usize,
-        sighting: &Sighting<LaneLine>,
-        probes: &[Probe],
-        claimed: &[Option<usize>],
-        weight: f64,
-    ) {
+    fn add_rest(&mut self, strand: &Strand, probes: &[Probe], claimed: &[Option<usize>], weight: f64) {
         let mut start = 0;
         for run in claimed.chunk_by(|a, b| a.is_none() == b.is_none()) {
             let (from, to) = (start, start + run.len());
             start = to;
             let part = &probes[from..to];
             let (Some(first), Some(last)) = (part.first(), part.last()) else { continue };
-            if run[0].is_some() || (last.point - first.point).norm() < self.config.shortest_piece_m {
+            let is_whole = part.len() == probes.len();
+            let is_short = (last.point - first.point).norm() < self.config.shortest_piece_m;
+            if run[0].is_some() || (is_short && !is_whole) {
                 continue;
             }
             let before = from.checked_sub(1).and_then(|i| claimed[i]);
             let after = claimed.get(to).copied().flatten();
-            let kind = sighting.landmark.kind;
+            let kind = strand.kind;
             let same_kind = |line: &usize| self.lines[*line].votes.first().is_some_and(|vote| vote.0 == kind);
             let ends = [(before, first.point), (after, last.point)];
             let prolonged = ends.into_iter().find_map(|(line, point)| {
                 line.filter(same_kind).and_then(|line| Some((line, self.end(line, &point)?)))
             });
             let (line, at_back) = prolonged.unwrap_or_else(|| {
-                let nodes = std::collections::VecDeque::new();
-                let is_lone = part.len() == probes.len();
-                self.lines.push(Line { nodes, sightings: vec![index], votes: Vec::new(), is_lone });
+                let nodes = VecDeque::new();
+                let only = is_whole.then(|| strand.points_map.clone());
+                let (road, sightings) = (strand.road, strand.sightings.clone());
+                self.lines.push(Line { nodes, road, sightings, votes: Vec::new(), only });
                 (self.lines.len() - 1, true)
             });
             // From the known end outwards.
@@ -277,7 +256,7 @@ impl<'a> Fusion<'a> {
                 ordered.reverse();
             }
             for probe in ordered {
-                self.grow(line, at_back, outwards == at_back, probe, sighting.pass, weight);
+                self.grow(line, at_back, outwards == at_back, probe, strand.pass, weight);
                 self.lines[line].votes.push((kind, weight));
             }
         }
@@ -313,8 +292,7 @@ impl<'a> Fusion<'a> {
         if at_back { nodes.push_back(node) } else { nodes.push_front(node) }
     }
 
-    fn finish(&self, line: &Line, sightings: &[Sighting<LaneLine>]) -> Option<FusedLane> {
-        let first = &sightings.get(*line.sightings.first()?)?.landmark;
+    fn finish(&self, line: &Line) -> Option<FusedLane> {
         let nodes: Vec<&Node> = line.nodes.iter().map(|&node| &self.nodes[node]).collect();
         let half = (self.config.blend_m / self.config.lane_step_m.max(0.05)).round().min(1e3) as usize;
         let samples = (0..nodes.len()).map(|at| {
@@ -328,10 +306,10 @@ impl<'a> Fusion<'a> {
         let kind = vote(line.votes.iter().copied())?;
         Some(FusedLane {
             kind,
-            road: first.road,
+            road: line.road,
             sightings: line.sightings.clone(),
             samples: samples.collect(),
-            only: line.is_lone.then(|| first.points_map.clone()),
+            only: line.only.clone(),
         })
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! A [`Sighting`] is a landmark as one pass over a place found it. Sightings of
 //! different passes that lie together are one landmark; two of the same pass
-//! never are, for that pass told them apart. Positions are combined by their
+//! are not, for that pass told them apart, unless they lie so close that it must
+//! have seen one twice. Positions are combined by their
 //! information (the inverse of their covariance), which gives the least
 //! variance where errors are independent: `x = (sum P_i^-1)^-1 sum P_i^-1 x_i`.
 //!
@@ -13,6 +14,7 @@ mod buckets;
 mod cluster;
 mod lanes;
 mod points;
+mod strands;
 mod weights;
 
 use nalgebra::Matrix3;
@@ -33,6 +35,11 @@ pub struct FuseConfig {
     /// Largest distance of the centroids of two sightings of one sign, metres:
     /// two plates on one post are farther apart.
     pub sign_within_m: f64,
+    /// Poles that one pass saw are two only beyond this distance, metres: no
+    /// two stand so close, and a pole can be found twice.
+    pub pole_double_m: f64,
+    /// The same for signs of one kind, metres.
+    pub sign_double_m: f64,
     /// Largest lateral distance of two sightings of one lane line, metres: a
     /// lane is ten times as wide, and double lines are told apart by the pass
     /// that saw both.
@@ -65,6 +72,8 @@ impl Default for FuseConfig {
         Self {
             pole_within_m: 0.5,
             sign_within_m: 0.4,
+            pole_double_m: 0.2,
+            sign_double_m: 0.15,
             lane_within_m: 0.3,
             lane_angle_rad: 0.15,
             lane_height_m: 1.0,

@@ -23,7 +23,8 @@ pub fn fuse_poles(sightings: &[Sighting<Pole>], config: &FuseConfig) -> Vec<Fuse
         let foot = s.landmark.foot_map;
         Place { point_map: Point3::new(foot.x, foot.y * HEIGHT_SHARE, foot.z), pass: s.pass, class: 0 }
     };
-    fuse(sightings, config, compare_poles, place, config.pole_within_m, |members, mean| {
+    let within_m = [config.pole_within_m, config.pole_double_m];
+    fuse(sightings, config, compare_poles, place, within_m, |members, mean| {
         let first = members.first()?.0;
         let (foot_map, covariance) = mean.finish()?;
         let (mut lean, mut weights) = (nalgebra::Vector2::zeros(), 0.0);
@@ -51,7 +52,8 @@ pub fn fuse_poles(sightings: &[Sighting<Pole>], config: &FuseConfig) -> Vec<Fuse
 pub fn fuse_signs(sightings: &[Sighting<Sign>], config: &FuseConfig) -> Vec<Fused<Sign>> {
     let place =
         |s: &Sighting<Sign>| Place { point_map: s.landmark.centroid_map, pass: s.pass, class: s.landmark.kind as u32 };
-    fuse(sightings, config, compare_signs, place, config.sign_within_m, |members, mean| {
+    let within_m = [config.sign_within_m, config.sign_double_m];
+    fuse(sightings, config, compare_signs, place, within_m, |members, mean| {
         let first = members.first()?.0;
         let (centroid_map, covariance) = mean.finish()?;
         let size_m = upper_median(members.iter().map(|(sign, _)| sign.size_m).collect());
@@ -67,7 +69,7 @@ fn fuse<T: Anchored + Clone>(
     config: &FuseConfig,
     compare: impl Fn(&T, &T) -> Ordering,
     place: impl Fn(&Sighting<T>) -> Place,
-    within_m: f64,
+    [within_m, double_m]: [f64; 2],
     combine: impl Fn(&[(&T, Matrix3<f64>)], &Mean) -> Combined<T>,
 ) -> Vec<Fused<T>> {
     let covariances: Vec<Matrix3<f64>> =
@@ -79,7 +81,7 @@ fn fuse<T: Anchored + Clone>(
         compare(left, right).then(spread(a).total_cmp(&spread(b)))
     });
     let places: Vec<Place> = order.iter().map(|&index| place(&sightings[index])).collect();
-    let groups = cluster(&places, within_m);
+    let groups = cluster(&places, within_m, double_m);
     let fused = groups.into_iter().filter_map(|group| {
         let mut members: Vec<usize> = group.into_iter().map(|place| order[place]).collect();
         // The sort is stable: equally certain ones stay in their own order.
@@ -187,6 +189,21 @@ mod tests {
         above.landmark.foot_map.y -= 6.0;
         above.landmark.top_map.y -= 6.0;
         assert_eq!(fuse_poles(&[pole(5.0, 10.0, 4.0, 0), above], &FuseConfig::default()).len(), 2);
+    }
+
+    #[test]
+    fn a_sign_that_one_pass_found_twice_is_one() {
+        let sign = |y: f64| Sighting {
+            landmark: Sign {
+                kind: SignKind::TrafficSign,
+                centroid_map: Point3::new(4.0, y, 9.0),
+                size_m: 0.6,
+                road: RoadId(0),
+            },
+            pass: 0,
+            covariance_map_m2: None,
+        };
+        assert_eq!(fuse_signs(&[sign(-1.0), sign(-1.1), sign(-1.6)], &FuseConfig::default()).len(), 2);
     }
 
     #[test]

@@ -36,6 +36,35 @@ fn lines_cut_at_different_places_are_one_between_them() {
 }
 
 #[test]
+fn cuts_at_the_ends_of_roads_leave_no_pieces() {
+    let cut = [line(1.5, 0.0, 50.0, 0), line(1.5, 50.0, 100.0, 0), line(1.6, 48.0, 100.0, 1), line(1.6, 0.0, 48.0, 1)];
+    let fused = vertices(&cut);
+    assert_eq!(fused.len(), 1, "{fused:?}");
+    assert_eq!((fused[0][0].z, fused[0][fused[0].len() - 1].z), (0.0, 100.0));
+    let lone = &fuse_lanes(&cut[..2], &FuseConfig::default())[0];
+    assert!(lone.is_lone());
+    assert_eq!(lone.sightings, [0, 1]);
+    assert_eq!(lone.vertices(&FuseConfig::default()).len(), 3);
+}
+
+#[test]
+fn a_short_line_that_one_pass_saw_is_kept() {
+    assert_eq!(vertices(&[line(1.5, 0.0, 1.0, 0)]).len(), 1);
+}
+
+#[test]
+fn lines_in_a_ring_are_one_and_end() {
+    let corners = [(0.0, 0.0), (0.0, 30.0), (30.0, 30.0), (30.0, 0.0)].map(|(x, z)| Point3::new(x, 1.6, z));
+    let side = |i: usize| {
+        let mut side = line(0.0, 0.0, 1.0, 0);
+        side.landmark.points_map = vec![corners[i], corners[(i + 1) % 4]];
+        side
+    };
+    let fused = vertices(&[0, 1, 2, 3].map(side));
+    assert_eq!((fused.len(), fused[0].len()), (1, 5));
+}
+
+#[test]
 fn a_pass_in_the_other_direction_sees_the_same_line() {
     let mut back = line(1.6, 20.0, 80.0, 1);
     back.landmark.points_map.reverse();
@@ -59,7 +88,9 @@ fn a_crossing_line_and_one_on_a_bridge_stay_their_own() {
     let mut crossing = line(0.0, 0.0, 0.0, 1);
     crossing.landmark.points_map = vec![Point3::new(-20.0, 1.6, 25.0), Point3::new(20.0, 1.6, 25.0)];
     let mut above = line(1.5, 0.0, 50.0, 2);
-    above.landmark.points_map.iter_mut().for_each(|p| p.y -= 5.0);
+    for point in &mut above.landmark.points_map {
+        point.y -= 5.0;
+    }
     assert_eq!(vertices(&[line(1.5, 0.0, 50.0, 0), crossing, above]).len(), 3);
 }
 

@@ -1,0 +1,102 @@
+//! `mapper merge`.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+use common::config;
+use common::map::EncodeOptions;
+use serde::Serialize;
+
+use super::usage::peak_bytes;
+use super::{Outcome, print, print_json};
+use crate::error::Result;
+use crate::inspect::{count_text, road_length_m};
+use crate::merge::{MergeConfig, MergeReport, Sources, merge, path_beside};
+
+/// Merge maps of one area into one.
+///
+/// All maps have to be in one frame up to what surveys differ by: 2 m and a
+/// degree. What several maps have becomes one landmark with a better position;
+/// what most of the maps that came near do not have is dropped. The maps that
+/// it was made of are kept beside the merged map (area.sources beside
+/// area.csm), so that merging in other steps or another order gives the same
+/// bytes.
+#[derive(Debug, Args)]
+pub struct Merge {
+    /// The maps; of a merged one those that it was made of.
+    #[arg(value_name = "MAP.csm", required_unless_present = "print_config")]
+    maps: Vec<PathBuf>,
+    /// The map to write.
+    #[arg(long, value_name = "AREA.csm", required_unless_present = "print_config")]
+    out: Option<PathBuf>,
+    /// Settings that differ from the defaults, as TOML.
+    #[arg(long, value_name = "FILE.toml")]
+    config: Option<PathBuf>,
+    /// Print all settings as TOML and end.
+    #[arg(long)]
+    print_config: bool,
+    /// Print the summary as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+struct Summary {
+    map: PathBuf,
+    bytes: usize,
+    sources: PathBuf,
+    /// Maps that were given more than once.
+    repeated: usize,
+    wall_s: f64,
+    peak_bytes: Option<u64>,
+    #[serde(flatten)]
+    report: MergeReport,
+}
+
+impl Merge {
+    /// Runs the command.
+    pub fn run(&self) -> Result<Outcome> {
+        let config: MergeConfig = self.config.as_ref().map_or_else(|| Ok(MergeConfig::default()), config::load)?;
+        let Some(out) = self.out.as_ref().filter(|_| !self.print_config) else {
+            print(&config::to_toml(&config)?);
+            return Ok(Outcome::Done);
+        };
+        let started = Instant::now();
+        let mut sources = Sources::default();
+        let mut repeated = 0;
+        for path in &self.maps {
+            repeated += sources.add_file(path)?;
+        }
+        let merged = merge(&sources.read()?, &config);
+        // One map alone stays as it is, to the byte.
+        let bytes = match sources.only() {
+            Some(bytes) => bytes.to_vec(),
+            None => merged.map.encode(&EncodeOptions { quantum_m: merged.report.quantum_m })?,
+        };
+        sources.write(out, &bytes)?;
+        let wall_s = started.elapsed().as_secs_f64();
+        if self.json {
+            print_json(&Summary {
+                map: out.clone(),
+                bytes: bytes.len(),
+                sources: path_beside(out),
+                repeated,
+                wall_s,
+                peak_bytes: peak_bytes(),
+                report: merged.report,
+            })?;
+            return Ok(Outcome::Done);
+        }
+        if repeated > 0 {
+            let times = if repeated == 1 { "one map was" } else { "some maps were" };
+            print(&format!("{times} given more than once and counted once\n"));
+        }
+        print(&merged.report.text());
+        let road_m = road_length_m(&merged.map);
+        let counts = count_text(&merged.map);
+        print(&format!("{}: {} bytes for {road_m:.0} m of road: {counts}\n", out.display(), bytes.len()));
+        Ok(Outcome::Done)
+    }
+}

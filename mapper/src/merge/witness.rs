@@ -1,0 +1,88 @@
+//! Which passes came near enough to a place to have seen what stands there.
+
+use nalgebra::Point3;
+
+use crate::fuse::Buckets;
+
+/// Distance of the samples of a path, metres.
+const STEP_M: f64 = 4.0;
+
+/// The paths of passes, for asking who came near.
+#[derive(Debug)]
+pub struct Witnesses {
+    buckets: Buckets,
+    samples: Vec<(u32, Point3<f64>)>,
+}
+
+impl Witnesses {
+    /// Takes the paths (map frame, metres) of passes.
+    pub fn new<'a>(paths: impl Iterator<Item = (u32, &'a [Point3<f64>])>) -> Self {
+        let mut witnesses = Self { buckets: Buckets::new(10.0), samples: Vec::new() };
+        for (pass, path) in paths {
+            for pair in path.windows(2) {
+                let way = pair[1] - pair[0];
+                let count = (way.norm() / STEP_M).ceil().clamp(1.0, 1e6);
+                for k in 0..count as usize {
+                    witnesses.add(pass, pair[0] + way * (k as f64 / count));
+                }
+            }
+            if let Some(last) = path.last() {
+                witnesses.add(pass, *last);
+            }
+        }
+        witnesses
+    }
+
+    fn add(&mut self, pass: u32, point: Point3<f64>) {
+        self.buckets.add(&point, self.samples.len());
+        self.samples.push((pass, point));
+    }
+
+    /// The passes whose path comes within `reach_m` of a point seen from
+    /// above, and within `height_m` of its height; ascending.
+    pub fn near(&self, point: &Point3<f64>, reach_m: f64, height_m: f64) -> Vec<u32> {
+        let is_near =
+            |at: &Point3<f64>| (at.x - point.x).hypot(at.z - point.z) <= reach_m && (at.y - point.y).abs() <= height_m;
+        let all = self.buckets.near(point, reach_m).map(|index| &self.samples[index]);
+        let mut passes: Vec<u32> = all.filter(|(_, at)| is_near(at)).map(|(pass, _)| *pass).collect();
+        passes.sort_unstable();
+        passes.dedup();
+        passes
+    }
+}
+
+/// Whether a landmark stays: not where most of those that should see it do
+/// not. `seen` are the passes that do, `near` those that came near.
+pub fn stays(seen: &[u32], near: &[u32]) -> bool {
+    missed(seen, near) <= seen.len()
+}
+
+/// How many of the passes that came near do not see it.
+pub fn missed(seen: &[u32], near: &[u32]) -> usize {
+    near.iter().filter(|pass| !seen.contains(pass)).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_who_came_near_is_a_witness() {
+        let along = [Point3::origin(), Point3::new(0.0, 0.0, 100.0)];
+        let far = along.map(|p| Point3::new(p.x + 40.0, p.y, p.z));
+        let bridge = along.map(|p| Point3::new(p.x, p.y - 8.0, p.z));
+        let paths = [(3, &along[..]), (1, &far[..]), (2, &bridge[..]), (0, &along[..])];
+        let witnesses = Witnesses::new(paths.into_iter());
+        assert_eq!(witnesses.near(&Point3::new(5.0, 1.6, 50.0), 15.0, 6.0), [0, 3]);
+        assert_eq!(witnesses.near(&Point3::new(35.0, 1.6, 50.0), 15.0, 6.0), [1]);
+        assert!(witnesses.near(&Point3::new(5.0, 1.6, 130.0), 15.0, 6.0).is_empty());
+    }
+
+    #[test]
+    fn what_most_no_longer_see_goes_and_a_tie_stays() {
+        assert!(stays(&[0], &[0, 1]));
+        assert!(!stays(&[0], &[0, 1, 2]));
+        assert!(stays(&[0, 1], &[0, 1, 2, 3]));
+        assert!(stays(&[0], &[]));
+    }
+}

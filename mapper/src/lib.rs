@@ -5,13 +5,14 @@
 //! [`ground`], [`poles`], [`signs`] and [`lanes`] find the landmarks in it,
 //! and [`roads`] cuts the drive into the stretches that they belong to.
 //! [`fuse`] makes one landmark of what was seen twice, and [`merge`] one map
-//! of the drives of an area.
+//! of the drives of an area; [`diff`] compares maps, [`validate`] doubts them.
 
 pub mod atlas;
 pub mod build;
 pub mod cli;
 pub mod cloud;
 pub mod config;
+pub mod diff;
 pub mod draw;
 pub mod drive;
 pub mod error;
@@ -33,6 +34,7 @@ pub mod report;
 pub mod roads;
 pub mod scan;
 pub mod signs;
+pub mod validate;
 pub mod voxel;
 
 #[cfg(test)]

@@ -2,10 +2,12 @@
 
 mod atlas;
 mod build;
+mod diff;
 mod export;
 mod merge;
 mod source;
 pub mod usage;
+mod validate;
 mod views;
 
 use std::ffi::OsString;
@@ -48,6 +50,10 @@ enum Command {
     Export(export::Export),
     /// Merge maps of one area into one.
     Merge(merge::Merge),
+    /// Say what changed from one map to another; exit with 1 if anything did.
+    Diff(diff::Diff),
+    /// Ask what a careful reader of a map would ask; exit with 1 if there is anything.
+    Validate(validate::Validate),
 }
 
 #[derive(Debug, Args)]
@@ -118,6 +124,8 @@ where
         Command::Draw(arguments) => views::draw(&arguments.file.map, &arguments.out),
         Command::Export(arguments) => arguments.run(),
         Command::Merge(arguments) => arguments.run(),
+        Command::Diff(arguments) => arguments.run(),
+        Command::Validate(arguments) => arguments.run(),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

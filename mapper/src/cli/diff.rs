@@ -1,0 +1,50 @@
+//! `mapper diff`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use common::config;
+
+use super::{Outcome, print, print_json};
+use crate::diff::{DiffConfig, MapDiff};
+use crate::error::Result;
+
+/// Say what changed from one map to another, one line for each landmark; exit
+/// with 1 if anything did.
+///
+/// Both maps have to be in one frame; `mapper merge` aligns maps, this command
+/// does not.
+#[derive(Debug, Args)]
+pub struct Diff {
+    /// The map before.
+    #[arg(value_name = "OLD.csm")]
+    old: PathBuf,
+    /// The map after.
+    #[arg(value_name = "NEW.csm")]
+    new: PathBuf,
+    /// What has not moved by more than this is where it was, metres [default:
+    /// 0.1, what two builds of one drive differ by].
+    #[arg(long, value_name = "M")]
+    same: Option<f64>,
+    /// Settings that differ from the defaults, as TOML.
+    #[arg(long, value_name = "FILE.toml")]
+    config: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Diff {
+    /// Runs the command.
+    pub fn run(&self) -> Result<Outcome> {
+        let mut config: DiffConfig = self.config.as_ref().map_or_else(|| Ok(DiffConfig::default()), config::load)?;
+        config.same_m = self.same.unwrap_or(config.same_m);
+        let diff = MapDiff::of(&common::map::read(&self.old)?, &common::map::read(&self.new)?, &config);
+        if self.json {
+            print_json(&diff)?;
+        } else {
+            print(&diff.text());
+        }
+        Ok(if diff.is_empty() { Outcome::Done } else { Outcome::Failed })
+    }
+}

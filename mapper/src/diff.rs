@@ -1,0 +1,395 @@
+//! What changed from one map to another.
+
+use std::fmt::Write as _;
+
+use common::map::{SemanticMap, SignKind};
+use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
+
+use crate::fuse::{Buckets, Place, cluster};
+use crate::merge::{SameRoadConfig, added_roads};
+
+/// When landmarks of two maps are the same.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DiffConfig {
+    /// Up to this distance a landmark is where it was, metres: what two builds
+    /// of one drive differ by.
+    pub same_m: f64,
+    /// Up to this distance it has moved, metres; farther ones are another.
+    pub moved_m: f64,
+    /// The same for lane lines, metres across: half a lane.
+    pub lane_moved_m: f64,
+    /// Shortest part of a lane line that counts as added or removed, metres.
+    pub shortest_m: f64,
+    /// When two paths are one road.
+    pub roads: SameRoadConfig,
+}
+
+impl Default for DiffConfig {
+    fn default() -> Self {
+        Self {
+            same_m: 0.1,
+            moved_m: 1.0,
+            lane_moved_m: 1.0,
+            shortest_m: 2.0,
+            roads: SameRoadConfig { shortest_m: 2.0, ..SameRoadConfig::default() },
+        }
+    }
+}
+
+/// How something differs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Change {
+    /// In the second map only.
+    Added,
+    /// In the first map only.
+    Removed,
+    /// In both, at different places.
+    Moved,
+    /// In both, of different kinds.
+    Kind,
+}
+
+/// One difference.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Difference {
+    /// How it differs.
+    pub change: Change,
+    /// What: a kind of landmark, or `road`.
+    pub what: String,
+    /// Where in the second map (for what was removed, in the first): foot,
+    /// centroid, or middle, map frame, metres.
+    pub at_map_m: [f64; 3],
+    /// How far it moved (lines: across), metres; 0 for what did not.
+    pub moved_m: f64,
+    /// Length of the line or road that was added, removed or moved, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub length_m: Option<f64>,
+    /// What it was before, where its kind differs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub was: Option<String>,
+}
+
+/// All differences, by kind of change, along map z.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MapDiff {
+    /// The differences.
+    pub differences: Vec<Difference>,
+    /// Poles and signs that are where they were.
+    pub same: usize,
+    /// Length of the lane lines that are where they were, metres.
+    pub same_lanes_m: f64,
+}
+
+impl MapDiff {
+    /// What changed from `old` to `new`, both in one map frame.
+    pub fn of(old: &SemanticMap, new: &SemanticMap, config: &DiffConfig) -> Self {
+        let mut diff = Self { differences: Vec::new(), same: 0, same_lanes_m: 0.0 };
+        diff.points(&poles(old), &poles(new), config);
+        for kind in SignKind::ALL {
+            diff.points(&signs(old, kind), &signs(new, kind), config);
+        }
+        diff.lanes(old, new, config);
+        for (change, a, b) in [(Change::Removed, new, old), (Change::Added, old, new)] {
+            for road in added_roads(&a.roads, &b.roads, &config.roads) {
+                if let Some(at) = road.path_map.get(road.path_map.len() / 2) {
+                    diff.add(change, "road", at, 0.0, Some(length_m(&road.path_map)));
+                }
+            }
+        }
+        let key = |d: &Difference| (d.change, d.what.clone());
+        diff.differences.sort_by(|a, b| {
+            let along = a.at_map_m[2].total_cmp(&b.at_map_m[2]).then(a.at_map_m[0].total_cmp(&b.at_map_m[0]));
+            key(a).cmp(&key(b)).then(along)
+        });
+        diff
+    }
+
+    /// Whether nothing differs.
+    pub fn is_empty(&self) -> bool {
+        self.differences.is_empty()
+    }
+
+    /// One line for each difference, and one with the counts.
+    pub fn text(&self) -> String {
+        let mut out = String::new();
+        for d in &self.differences {
+            let [x, y, z] = d.at_map_m;
+            let change = match d.change {
+                Change::Added => "added",
+                Change::Removed => "removed",
+                Change::Moved => "moved",
+                Change::Kind => "kind",
+            };
+            // Writing to a string cannot fail.
+            let _ = write!(out, "{change:<8}{:<15} x {x:9.2}  y {y:7.2}  z {z:9.2}", d.what);
+            if let Some(length_m) = d.length_m {
+                let _ = write!(out, "  {length_m:.1} m long");
+            }
+            if d.moved_m > 0.0 {
+                let _ = write!(out, "  by {:.2} m", d.moved_m);
+            }
+            if let Some(was) = &d.was {
+                let _ = write!(out, "  was {was}");
+            }
+            out.push('\n');
+        }
+        let count = |change| self.differences.iter().filter(|d| d.change == change).count();
+        let _ = writeln!(
+            out,
+            "{} added, {} removed, {} moved, {} of another kind; {} poles and signs and {:.0} m of lane lines as they were",
+            count(Change::Added),
+            count(Change::Removed),
+            count(Change::Moved),
+            count(Change::Kind),
+            self.same,
+            self.same_lanes_m
+        );
+        out
+    }
+
+    fn add(&mut self, change: Change, what: &str, at: &Point3<f64>, moved_m: f64, length_m: Option<f64>) {
+        let (what, at_map_m) = (what.to_owned(), (*at).into());
+        self.differences.push(Difference { change, what, at_map_m, moved_m, length_m, was: None });
+    }
+
+    fn points(&mut self, old: &[Point], new: &[Point], config: &DiffConfig) {
+        let place = |pass| move |point: &Point| Place { point_map: point.1, pass, class: 0 };
+        let places: Vec<Place> = old.iter().map(place(0)).chain(new.iter().map(place(1))).collect();
+        let all: Vec<&Point> = old.iter().chain(new).collect();
+        for pair in cluster(&places, config.moved_m, 0.0) {
+            match pair[..] {
+                [only] if only < old.len() => self.add(Change::Removed, all[only].0, &all[only].1, 0.0, None),
+                [only] => self.add(Change::Added, all[only].0, &all[only].1, 0.0, None),
+                [before, after] => {
+                    let (before, after) = (all[before], all[after]);
+                    let moved_m = (after.1 - before.1).norm();
+                    if moved_m > config.same_m {
+                        self.add(Change::Moved, after.0, &after.1, moved_m, None);
+                    }
+                    if before.0 != after.0 {
+                        self.add(Change::Kind, after.0, &after.1, 0.0, None);
+                        if let Some(last) = self.differences.last_mut() {
+                            last.was = Some(before.0.to_owned());
+                        }
+                    }
+                    self.same += usize::from(moved_m <= config.same_m && before.0 == after.0);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn lanes(&mut self, old: &SemanticMap, new: &SemanticMap, config: &DiffConfig) {
+        let (in_old, in_new) = (Lines::new(old), Lines::new(new));
+        for run in in_old.compared_with(&in_new, config) {
+            if run.moved_m.is_none() && run.length_m >= config.shortest_m {
+                self.add(Change::Removed, run.kind, &run.middle, 0.0, Some(run.length_m));
+            }
+        }
+        for run in in_new.compared_with(&in_old, config) {
+            match run.moved_m {
+                None if run.length_m >= config.shortest_m => {
+                    self.add(Change::Added, run.kind, &run.middle, 0.0, Some(run.length_m));
+                }
+                Some(moved_m) if moved_m > config.same_m => {
+                    self.add(Change::Moved, run.kind, &run.middle, moved_m, Some(run.length_m));
+                }
+                Some(_) => self.same_lanes_m += run.length_m,
+                None => {}
+            }
+        }
+    }
+}
+
+/// Name of the kind, and place.
+type Point = (&'static str, Point3<f64>);
+
+fn poles(map: &SemanticMap) -> Vec<Point> {
+    map.poles.iter().map(|pole| (pole.kind.name(), pole.foot_map)).collect()
+}
+
+fn signs(map: &SemanticMap, kind: SignKind) -> Vec<Point> {
+    let of_kind = map.signs.iter().filter(|sign| sign.kind == kind);
+    of_kind.map(|sign| (kind.name(), sign.centroid_map)).collect()
+}
+
+fn length_m(points: &[Point3<f64>]) -> f64 {
+    points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
+}
+
+/// Distance of the samples of lane lines, metres.
+const SAMPLE_M: f64 = 0.5;
+/// Longest piece of a line that is kept under its middle, metres.
+const PIECE_M: f64 = 4.0;
+
+/// The lane lines of a map, for asking what runs beside a point.
+struct Lines {
+    whole: Vec<(&'static str, Vec<Point3<f64>>)>,
+    pieces: Vec<[Point3<f64>; 2]>,
+    buckets: Buckets,
+}
+
+/// A part of a line that has, or has not, a line of the other map beside it.
+struct Run {
+    kind: &'static str,
+    middle: Point3<f64>,
+    length_m: f64,
+    /// Mean distance from the other map's line, metres.
+    moved_m: Option<f64>,
+}
+
+impl Lines {
+    fn new(map: &SemanticMap) -> Self {
+        let mut lines = Self { whole: Vec::new(), pieces: Vec::new(), buckets: Buckets::new(PIECE_M) };
+        for lane in &map.lanes {
+            lines.whole.push((lane.kind.name(), lane.points_map.clone()));
+            for ends in split(&lane.points_map, PIECE_M).windows(2) {
+                lines.buckets.add(&nalgebra::center(&ends[0], &ends[1]), lines.pieces.len());
+                lines.pieces.push([ends[0], ends[1]]);
+            }
+        }
+        lines
+    }
+
+    /// Distance of the nearest line that runs the same way, metres.
+    fn beside_m(&self, point: &Point3<f64>, along: &nalgebra::Vector3<f64>, within_m: f64) -> Option<f64> {
+        let near = self.buckets.near(point, within_m + 0.5 * PIECE_M);
+        let distances = near.filter_map(|index| {
+            let [a, b] = self.pieces[index];
+            let way = b - a;
+            let share = ((point - a).dot(&way) / way.norm_squared()).clamp(0.0, 1.0);
+            let distance_m = (a + way * share - point).norm();
+            // Within about 30 degrees.
+            let is_parallel = way.normalize().dot(along).abs() > 0.85;
+            (distance_m <= within_m && is_parallel).then_some(distance_m)
+        });
+        distances.min_by(f64::total_cmp)
+    }
+
+    fn compared_with(&self, other: &Self, config: &DiffConfig) -> Vec<Run> {
+        let mut runs = Vec::new();
+        for (kind, line) in &self.whole {
+            let points = split(line, SAMPLE_M);
+            let samples: Vec<(Point3<f64>, f64, Option<f64>)> = points
+                .windows(2)
+                .map(|pair| {
+                    let (middle, way) = (nalgebra::center(&pair[0], &pair[1]), pair[1] - pair[0]);
+                    (middle, way.norm(), other.beside_m(&middle, &way.normalize(), config.lane_moved_m))
+                })
+                .collect();
+            for same in samples.chunk_by(|a, b| a.2.is_some() == b.2.is_some()) {
+                let distances: Vec<f64> = same.iter().filter_map(|sample| sample.2).collect();
+                runs.push(Run {
+                    kind,
+                    middle: same[same.len() / 2].0,
+                    length_m: same.iter().map(|sample| sample.1).sum(),
+                    moved_m: (!distances.is_empty()).then(|| distances.iter().sum::<f64>() / distances.len() as f64),
+                });
+            }
+        }
+        runs
+    }
+}
+
+/// The vertices of a line and points between them, at most `step_m` apart;
+/// none twice.
+fn split(line: &[Point3<f64>], step_m: f64) -> Vec<Point3<f64>> {
+    let mut points: Vec<Point3<f64>> = line.first().copied().into_iter().collect();
+    for pair in line.windows(2) {
+        let way = pair[1] - pair[0];
+        if way.norm() > 1e-6 {
+            let count = (way.norm() / step_m).ceil().clamp(1.0, 1e6);
+            points.extend((1..=count as usize).map(|k| pair[0] + way * (k as f64 / count)));
+        }
+    }
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use common::map::{LaneKind, LaneLine, Pole, PoleKind, Road, RoadId, Sign};
+
+    use super::*;
+
+    fn map() -> SemanticMap {
+        let pole = |z: f64| Pole {
+            kind: PoleKind::SignPost,
+            foot_map: Point3::new(5.0, 1.6, z),
+            top_map: Point3::new(5.0, -1.0, z),
+            road: RoadId(0),
+        };
+        let sign = |kind, z: f64| Sign { kind, centroid_map: Point3::new(5.0, -1.0, z), size_m: 0.6, road: RoadId(0) };
+        SemanticMap {
+            frame_note: String::new(),
+            roads: vec![Road { path_map: vec![Point3::origin(), Point3::new(0.0, 0.0, 100.0)] }],
+            poles: [10.0, 20.0, 30.0].map(pole).to_vec(),
+            signs: vec![sign(SignKind::TrafficSign, 10.0), sign(SignKind::TrafficLight, 20.0)],
+            lanes: vec![LaneLine {
+                kind: LaneKind::Solid,
+                points_map: vec![Point3::new(1.5, 1.6, 0.0), Point3::new(1.5, 1.6, 100.0)],
+                road: RoadId(0),
+            }],
+        }
+    }
+
+    fn changes(new: &SemanticMap) -> Vec<(Change, String, f64)> {
+        let diff = MapDiff::of(&map(), new, &DiffConfig::default());
+        diff.differences.into_iter().map(|d| (d.change, d.what, (d.moved_m * 100.0).round() / 100.0)).collect()
+    }
+
+    #[test]
+    fn a_map_does_not_differ_from_itself() {
+        let diff = MapDiff::of(&map(), &map(), &DiffConfig::default());
+        assert!(diff.is_empty());
+        assert_eq!(diff.same, 5);
+        assert!((diff.same_lanes_m - 100.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn each_change_is_one_difference() {
+        let mut new = map();
+        new.poles[0].foot_map.x += 0.3;
+        new.poles[1].kind = PoleKind::LampPost;
+        new.poles.remove(2);
+        new.signs[0].centroid_map.z += 30.0;
+        let expected = [
+            (Change::Added, "traffic-sign".into(), 0.0),
+            (Change::Removed, "sign-post".into(), 0.0),
+            (Change::Removed, "traffic-sign".into(), 0.0),
+            (Change::Moved, "sign-post".into(), 0.3),
+            (Change::Kind, "lamp-post".into(), 0.0),
+        ];
+        assert_eq!(changes(&new), expected);
+        let back = MapDiff::of(&new, &map(), &DiffConfig::default());
+        assert_eq!(back.differences.iter().filter(|d| d.change == Change::Added).count(), 2);
+    }
+
+    #[test]
+    fn lines_are_compared_by_length_and_across() {
+        let mut new = map();
+        new.lanes[0].points_map[1].z = 60.0;
+        let diff = MapDiff::of(&map(), &new, &DiffConfig::default());
+        assert_eq!(diff.differences.len(), 1, "{}", diff.text());
+        // The end of a line is beside what follows it for as far as it may move.
+        assert!((diff.differences[0].length_m.unwrap() - 40.0).abs() < 1.6, "{}", diff.text());
+        let mut new = map();
+        for point in &mut new.lanes[0].points_map {
+            point.x += 0.4;
+        }
+        assert_eq!(changes(&new), [(Change::Moved, "solid-line".into(), 0.4)]);
+        new.lanes[0].points_map.reverse();
+        assert_eq!(changes(&new), [(Change::Moved, "solid-line".into(), 0.4)]);
+    }
+
+    #[test]
+    fn a_road_that_is_driven_beyond_is_added() {
+        let mut new = map();
+        new.roads[0].path_map[1].z = 150.0;
+        let diff = MapDiff::of(&map(), &new, &DiffConfig::default());
+        assert_eq!((diff.differences.len(), diff.differences[0].what.as_str()), (1, "road"), "{}", diff.text());
+        assert!(MapDiff::of(&SemanticMap::default(), &SemanticMap::default(), &DiffConfig::default()).is_empty());
+    }
+}

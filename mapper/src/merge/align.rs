@@ -321,7 +321,7 @@ impl<'a> Problem<'a> {
         let (mut checked, mut found) = (vec![0_usize; sources.len()], vec![0_usize; sources.len()]);
         for (mark, is_shared) in self.marks.iter().zip(&is_shared) {
             let near = witnesses.near(&mark.held.point_map, config.witness.point_m, config.witness.height_m);
-            if near.iter().any(|pass| *pass as usize != mark.source) {
+            if near.iter().any(|(pass, _)| *pass as usize != mark.source) {
                 checked[mark.source] += 1;
                 found[mark.source] += usize::from(*is_shared);
             }

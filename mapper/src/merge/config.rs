@@ -86,6 +86,11 @@ pub struct WitnessConfig {
     pub point_m: f64,
     /// The same for paint, metres: two lanes.
     pub lane_m: f64,
+    /// A pass that came as near as one that saw a landmark, or farther by up to
+    /// this, should have seen it, too, metres.
+    pub as_near_m: f64,
+    /// From farther than this nothing is expected to be seen, metres.
+    pub farthest_m: f64,
     /// Largest difference in height of path and landmark, metres: other levels
     /// of a road see nothing of it.
     pub height_m: f64,
@@ -96,7 +101,7 @@ pub struct WitnessConfig {
 
 impl Default for WitnessConfig {
     fn default() -> Self {
-        Self { point_m: 15.0, lane_m: 7.5, height_m: 6.0, shortest_gap_m: 5.0 }
+        Self { point_m: 15.0, lane_m: 7.5, as_near_m: 1.0, farthest_m: 30.0, height_m: 6.0, shortest_gap_m: 5.0 }
     }
 }
 

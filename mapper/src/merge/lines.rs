@@ -35,7 +35,7 @@ pub fn line_parts(
     let mut keep = Vec::with_capacity(lane.samples.len());
     let step_m = mean_step_m(lane);
     for sample in &lane.samples {
-        let near = rules.witnesses.near(&sample.point_map, config.witness.lane_m, config.witness.height_m);
+        let near = rules.witnesses.expected(&sample.point_map, &sample.passes, config.witness.lane_m, &config.witness);
         counts.count(step_m, sample.passes.len(), missed(&sample.passes, &near));
         keep.push(stays(&sample.passes, &near));
     }

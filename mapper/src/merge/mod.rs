@@ -146,7 +146,7 @@ fn stay<T>(
         let mut seen: Vec<u32> = fused.sightings.iter().map(|&sighting| sightings[sighting].pass).collect();
         seen.sort_unstable();
         seen.dedup();
-        let near = witnesses.near(&place(&fused.landmark), config.witness.point_m, config.witness.height_m);
+        let near = witnesses.expected(&place(&fused.landmark), &seen, config.witness.point_m, &config.witness);
         counts.count(1.0, seen.len(), missed(&seen, &near)).then_some(fused.landmark)
     };
     fused.into_iter().filter_map(stays).collect()

@@ -2,6 +2,7 @@
 
 use nalgebra::Point3;
 
+use super::config::WitnessConfig;
 use crate::fuse::Buckets;
 
 /// Distance of the samples of a path, metres.
@@ -39,15 +40,26 @@ impl Witnesses {
     }
 
     /// The passes whose path comes within `reach_m` of a point seen from
-    /// above, and within `height_m` of its height; ascending.
-    pub fn near(&self, point: &Point3<f64>, reach_m: f64, height_m: f64) -> Vec<u32> {
-        let is_near =
-            |at: &Point3<f64>| (at.x - point.x).hypot(at.z - point.z) <= reach_m && (at.y - point.y).abs() <= height_m;
+    /// above, and within `height_m` of its height, and how near each comes
+    /// (metres); ascending by pass.
+    pub fn near(&self, point: &Point3<f64>, reach_m: f64, height_m: f64) -> Vec<(u32, f64)> {
         let all = self.buckets.near(point, reach_m).map(|index| &self.samples[index]);
-        let mut passes: Vec<u32> = all.filter(|(_, at)| is_near(at)).map(|(pass, _)| *pass).collect();
-        passes.sort_unstable();
-        passes.dedup();
+        let on_level = all.filter(|(_, at)| (at.y - point.y).abs() <= height_m);
+        let distances = on_level.map(|(pass, at)| (*pass, (at.x - point.x).hypot(at.z - point.z)));
+        let mut passes: Vec<(u32, f64)> = distances.filter(|(_, distance_m)| *distance_m <= reach_m).collect();
+        passes.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        passes.dedup_by_key(|(pass, _)| *pass);
         passes
+    }
+
+    /// The passes that should have seen a landmark: those that came within
+    /// `reach_m`, and those that came as near as one that did see it.
+    pub fn expected(&self, point: &Point3<f64>, seen: &[u32], reach_m: f64, config: &WitnessConfig) -> Vec<u32> {
+        let near = self.near(point, config.farthest_m.max(reach_m), config.height_m);
+        let seers = near.iter().filter(|(pass, _)| seen.contains(pass));
+        let nearest_m = seers.map(|(_, distance_m)| *distance_m).reduce(f64::min);
+        let reach_m = nearest_m.map_or(reach_m, |nearest_m| reach_m.max(nearest_m + config.as_near_m));
+        near.into_iter().filter(|(_, distance_m)| *distance_m <= reach_m).map(|(pass, _)| pass).collect()
     }
 }
 
@@ -73,9 +85,24 @@ mod tests {
         let bridge = along.map(|p| Point3::new(p.x, p.y - 8.0, p.z));
         let paths = [(3, &along[..]), (1, &far[..]), (2, &bridge[..]), (0, &along[..])];
         let witnesses = Witnesses::new(paths.into_iter());
-        assert_eq!(witnesses.near(&Point3::new(5.0, 1.6, 50.0), 15.0, 6.0), [0, 3]);
-        assert_eq!(witnesses.near(&Point3::new(35.0, 1.6, 50.0), 15.0, 6.0), [1]);
+        let near = |x: f64| witnesses.near(&Point3::new(x, 1.6, 48.0), 15.0, 6.0);
+        assert_eq!(near(5.0), [(0, 5.0), (3, 5.0)]);
+        assert_eq!(near(35.0), [(1, 5.0)]);
         assert!(witnesses.near(&Point3::new(5.0, 1.6, 130.0), 15.0, 6.0).is_empty());
+    }
+
+    #[test]
+    fn who_came_as_near_as_one_that_saw_it_should_have() {
+        let along = |x: f64| [Point3::new(x, 0.0, 0.0), Point3::new(x, 0.0, 100.0)];
+        let paths = [along(0.0), along(0.5), along(-5.0), along(60.0)];
+        let witnesses = Witnesses::new((0..).zip(paths.iter().map(|path| &path[..])));
+        let expected = |x: f64, seen: &[u32]| {
+            witnesses.expected(&Point3::new(x, 1.6, 48.0), seen, 15.0, &WitnessConfig::default())
+        };
+        assert_eq!(expected(20.0, &[0]), [0, 1]);
+        assert_eq!(expected(20.0, &[2]), [0, 1, 2]);
+        assert_eq!(expected(8.0, &[0]), [0, 1, 2]);
+        assert_eq!(expected(8.0, &[3]), [0, 1, 2]);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use common::map::EncodeOptions;
 use serde::{Deserialize, Serialize};
 
+use crate::budget::BudgetConfig;
 use crate::cloud::CloudConfig;
 use crate::evidence::EvidenceConfig;
 use crate::fuse::FuseConfig;
@@ -43,6 +44,8 @@ pub struct Config {
     pub evidence: EvidenceConfig,
     /// What was seen twice.
     pub fuse: FuseConfig,
+    /// Which landmarks are kept within `--budget`.
+    pub budget: BudgetConfig,
 }
 
 impl Default for Config {
@@ -60,6 +63,7 @@ impl Default for Config {
             lanes: LaneConfig::default(),
             evidence: EvidenceConfig::default(),
             fuse: FuseConfig::default(),
+            budget: BudgetConfig::default(),
         }
     }
 }

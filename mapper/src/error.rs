@@ -178,6 +178,19 @@ pub enum Error {
         /// What is wrong.
         reason: String,
     },
+    /// A budget that not even the roads fit.
+    #[error(
+        "no map fits {budget_bytes} bytes: {roads} road stretches without any landmark take {least_bytes}; \
+         give --budget {least_bytes} or more"
+    )]
+    BudgetTooSmall {
+        /// Most bytes that the map may have.
+        budget_bytes: usize,
+        /// Bytes of the roads alone, written as coarsely as is allowed.
+        least_bytes: usize,
+        /// Number of roads.
+        roads: usize,
+    },
     /// A result that has no JSON form.
     #[error("the result cannot be printed as JSON: {0}")]
     Json(serde_json::Error),

@@ -8,6 +8,7 @@
 //! of the drives of an area; [`diff`] compares maps, [`validate`] doubts them.
 
 pub mod atlas;
+pub mod budget;
 pub mod build;
 pub mod cli;
 pub mod cloud;
@@ -25,8 +26,8 @@ pub mod input;
 pub mod inspect;
 pub mod lanes;
 pub mod lidar;
-pub mod passes;
 pub mod merge;
+pub mod passes;
 pub mod path;
 pub mod poles;
 pub mod register;

@@ -1,6 +1,8 @@
 //! What the demo, the scores and the end-to-end tests share.
 
+pub mod budget_curve;
 pub mod data;
+pub mod evidence_score;
 pub mod map_score;
 pub mod matching;
 pub mod pole_map;

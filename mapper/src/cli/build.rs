@@ -9,9 +9,11 @@ use common::map::{EncodeOptions, SemanticMap};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
+use super::reduce::kept_text;
 use super::source::SourceArgs;
 use super::usage::Usage;
 use super::{Outcome, print, print_json};
+use crate::budget::{Counts, Known, reduce};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::export::CloudFile;
@@ -45,6 +47,10 @@ pub struct Build {
     /// Print all settings as TOML and end.
     #[arg(long)]
     print_config: bool,
+    /// Most bytes that the map may have: of landmarks that do not fit, those
+    /// that localize best are kept [default: all].
+    #[arg(long, value_name = "BYTES")]
+    budget: Option<usize>,
     /// Print the summary as JSON.
     #[arg(long)]
     json: bool,
@@ -111,10 +117,17 @@ impl Build {
         })?;
         bar.finish_and_clear();
 
-        let bytes = map.encode(&EncodeOptions { quantum_m: config.quantum_m })?;
-        common::atomic_file::write(out, &bytes)?;
+        let found = map.encode(&EncodeOptions { quantum_m: config.quantum_m })?;
         // In the order of the file, which is not that of the map that was built.
-        let stored = SemanticMap::decode(&bytes)?;
+        let stored = SemanticMap::decode(&found)?;
+        let evidence = evidence.of_map(&stored, config.quantum_m, &config.evidence);
+        let whole = Known { map: &stored, evidence: &evidence, quantum_m: config.quantum_m };
+        let reduced = self.budget.map(|bytes| reduce(whole, bytes, &config.budget)).transpose()?;
+        let (map, bytes, evidence) = match reduced {
+            Some(reduced) => (reduced.map, reduced.bytes, reduced.evidence),
+            None => (map, found, evidence),
+        };
+        common::atomic_file::write(out, &bytes)?;
         let usage = Usage::of(started, &drive);
         let report = BuildReport {
             map_bytes: bytes.len(),
@@ -123,7 +136,7 @@ impl Build {
             frames: drive.survey.len(),
             scans,
             registration: registration.report,
-            evidence: evidence.of_map(&stored, config.quantum_m, &config.evidence),
+            evidence,
             config: config.clone(),
         };
         write_beside(out, &report)?;
@@ -147,6 +160,9 @@ impl Build {
         print(&format!("{}: {} bytes for {road_m:.0} m of road: {}\n", out.display(), bytes.len(), count_text(&map)));
         for note in &drive.notes {
             print(&format!("{note}\n"));
+        }
+        if self.budget.is_some() {
+            print(&kept_text(Counts::of(&map), Counts::of(&stored)));
         }
         print(&build_text(&report));
         print(&usage.text());

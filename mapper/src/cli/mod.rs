@@ -5,6 +5,8 @@ mod build;
 mod diff;
 mod export;
 mod merge;
+mod reduce;
+mod size;
 mod source;
 pub mod usage;
 mod validate;
@@ -38,8 +40,12 @@ enum Command {
     Build(Box<build::Build>),
     /// Say what is in a map, which bytes it takes, and how it was built.
     Inspect(Inspect),
-    /// Say how large a map is; exit with 1 if it is over the budget.
-    Size(Size),
+    /// Say how large a map is, exit with 1 if it is over the budget; or how
+    /// well it would localize within fewer bytes.
+    Size(size::Size),
+    /// Write a map within a budget of bytes: of its landmarks those that
+    /// localize best.
+    Reduce(reduce::Reduce),
     /// Print a map as text, one landmark per line.
     Ascii(MapFile),
     /// Put maps into one file, of which a localizer loads what is around it.
@@ -70,15 +76,6 @@ struct Inspect {
     /// Print JSON.
     #[arg(long)]
     json: bool,
-}
-
-#[derive(Debug, Args)]
-struct Size {
-    #[command(flatten)]
-    file: MapFile,
-    /// Most bytes that the map may have.
-    #[arg(long, value_name = "BYTES")]
-    budget: usize,
 }
 
 #[derive(Debug, Args)]
@@ -118,7 +115,8 @@ where
     let outcome = match &cli.command {
         Command::Build(arguments) => arguments.run(),
         Command::Inspect(arguments) => views::inspect(&arguments.file.map, arguments.json),
-        Command::Size(arguments) => views::size(&arguments.file.map, arguments.budget),
+        Command::Size(arguments) => arguments.run(),
+        Command::Reduce(arguments) => arguments.run(),
         Command::Ascii(arguments) => views::ascii(&arguments.map),
         Command::Atlas(arguments) => arguments.run(),
         Command::Draw(arguments) => views::draw(&arguments.file.map, &arguments.out),

@@ -25,18 +25,6 @@ pub fn inspect(map: &Path, json: bool) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-pub fn size(map: &Path, budget: usize) -> Result<Outcome> {
-    // The whole map is read: a damaged one has no size worth telling.
-    let bytes =
-        if is_atlas(map)? { AtlasInspection::of_file(map)?.bytes as usize } else { Inspection::of_file(map)?.bytes };
-    if bytes > budget {
-        print(&format!("{}: {bytes} bytes, {} over the budget of {budget}\n", map.display(), bytes - budget));
-        return Ok(Outcome::Failed);
-    }
-    print(&format!("{}: {bytes} bytes, {} left of {budget}\n", map.display(), budget - bytes));
-    Ok(Outcome::Done)
-}
-
 pub fn ascii(map: &Path) -> Result<Outcome> {
     print(&common::map::ascii(&common::map::read(map)?));
     Ok(Outcome::Done)

@@ -26,7 +26,7 @@ impl EvidenceBook {
     pub fn add(&mut self, cloud: &Cloud, poles: &[Pole], signs: &[Sign], lanes: &[LaneLine], config: &Config) {
         let settings = &config.evidence;
         self.poles.extend(poles.iter().map(|pole| (pole.foot_map, of_pole(cloud, pole, settings))));
-        self.signs.extend(signs.iter().map(|sign| (sign.centroid_map, of_sign(cloud, sign, settings))));
+        self.signs.extend(signs.iter().map(|sign| (sign.centroid_map, of_sign(cloud, sign, settings, &config.lidar))));
         if !lanes.is_empty() {
             let paint = LinePoints::of(cloud, config);
             self.lanes.extend(lanes.iter().map(|lane| (lane.clone(), of_lane(&paint, lane, settings))));

@@ -32,9 +32,9 @@ pub struct EvidenceConfig {
     pub ground_sigma_m: f64,
     /// The same where no ground was seen under it, metres.
     pub unseen_ground_sigma_m: f64,
-    /// Angle between beams one above the other, radians: a plate's upper and
-    /// lower edges lie between two.
-    pub beam_step_rad: f64,
+    /// Height of the centroid of a plate that goes on above the lidar's field
+    /// of view, metres: plates are 0.4 to 1 m high.
+    pub cut_off_sigma_m: f64,
     /// How well the middle of a plate can be told whose outline was not seen
     /// wholly, as a share of the part that was not seen.
     pub unseen_share: f64,
@@ -60,7 +60,7 @@ impl Default for EvidenceConfig {
             reach_m: 0.2,
             ground_sigma_m: 0.03,
             unseen_ground_sigma_m: 0.1,
-            beam_step_rad: 0.0075,
+            cut_off_sigma_m: 0.15,
             unseen_share: 0.5,
             floor_m: 0.01,
             unknown_sigma_m: 0.05,

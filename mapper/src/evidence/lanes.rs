@@ -109,14 +109,14 @@ fn rounded(metres: f64) -> f64 {
 /// Variance of the line at a place, square metres: that of the mean of the
 /// scans that saw the place, and how far the line lies beside that mean.
 fn place_m2(scatter: &Scatter<1>, config: &EvidenceConfig) -> f64 {
-    let Components { cell_m2, scan_m2, .. } = scatter.components(config);
+    let Components { cell, scan, .. } = scatter.components(config);
     let mut pieces: std::collections::BTreeMap<i64, (f64, f64)> = std::collections::BTreeMap::new();
     for (_, piece, mean) in scatter.cells() {
         let sum = pieces.entry(piece).or_insert((0.0, 0.0));
         *sum = (sum.0 + mean.x, sum.1 + 1.0);
     }
     let variance = |(sum, scans): &(f64, f64)| {
-        let mean_m2 = (cell_m2 + scan_m2) / scans;
+        let mean_m2 = (cell + scan) / scans;
         // The mean lies off the line by its own error, too: what is more is
         // the line's.
         mean_m2 + ((sum / scans).powi(2) - mean_m2).max(0.0)

@@ -22,6 +22,7 @@ pub use config::EvidenceConfig;
 pub use lanes::LinePoints;
 
 use crate::cloud::Cloud;
+use crate::lidar::LidarConfig;
 
 /// How well the landmarks of a map are known, in the order in which they are
 /// decoded from its file.
@@ -116,8 +117,8 @@ pub fn of_pole(cloud: &Cloud, pole: &Pole, config: &EvidenceConfig) -> PointEvid
 }
 
 /// How well the centroid of a sign is known, likewise.
-pub fn of_sign(cloud: &Cloud, sign: &Sign, config: &EvidenceConfig) -> PointEvidence {
-    signs::of_sign(cloud, sign, config)
+pub fn of_sign(cloud: &Cloud, sign: &Sign, config: &EvidenceConfig, lidar: &LidarConfig) -> PointEvidence {
+    signs::of_sign(cloud, sign, config, lidar)
 }
 
 /// How well a lane line is known, from the paint of its cloud.

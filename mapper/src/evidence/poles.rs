@@ -41,12 +41,12 @@ pub fn of_pole(cloud: &Cloud, pole: &Pole, config: &EvidenceConfig) -> PointEvid
     let middle_m = scatter.cells().map(|(_, cell, _)| height(cell)).sum::<f64>() / count;
     let rise_m2: f64 = scatter.cells().map(|(_, cell, _)| (height(cell) - middle_m).powi(2)).sum();
     // Precision of the slices and of what is known of poles before.
-    let slope2 = (rise_m2 / components.cell_m2 + config.tilt_sigma_rad.powi(-2)).recip();
+    let slope2 = (rise_m2 / components.cell + config.tilt_sigma_rad.powi(-2)).recip();
     let lever_m = middle_m + pole.foot_map.y;
     // Seen from both sides, what is not known of the surface cancels.
     let views = hits.iter().map(|hit| hit.from_lidar).sum::<Vector2<f64>>() / hits.len().max(1) as f64;
     evidence(
-        components.mean_m2 + slope2 * lever_m * lever_m,
+        components.mean + slope2 * lever_m * lever_m,
         views * config.surface_sigma_m,
         ground_m,
         config,

@@ -24,11 +24,11 @@ struct ScanMean<const N: usize> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Components {
     /// Of a cell about its scan's mean.
-    pub cell_m2: f64,
+    pub cell: f64,
     /// Of a scan's mean beyond what its cells explain: its pose.
-    pub scan_m2: f64,
+    pub scan: f64,
     /// Of the mean of all scans.
-    pub mean_m2: f64,
+    pub mean: f64,
 }
 
 impl<const N: usize> Scatter<N> {
@@ -69,7 +69,7 @@ impl<const N: usize> Scatter<N> {
     }
 
     /// One-way analysis of variance with scans as groups (Searle, Casella and
-    /// McCulloch, Variance Components, 1992), each component drawn towards
+    /// `McCulloch`, Variance Components, 1992), each component drawn towards
     /// what is usual by as much as the expectation is worth.
     pub fn components(&self, config: &EvidenceConfig) -> Components {
         let means = self.scan_means();
@@ -81,23 +81,22 @@ impl<const N: usize> Scatter<N> {
         for of in means.values() {
             freedom += of.cells - 1.0;
         }
-        let cell_m2 = (usual * config.slice_sigma_m.powi(2) + within) / (usual + freedom);
+        let cell = (usual * config.slice_sigma_m.powi(2) + within) / (usual + freedom);
         // As the fits do: a scan with many hits counts more, but not in
         // proportion, for they share its pose.
         let weight = |of: &ScanMean<N>| of.cells.sqrt();
         let total: f64 = means.values().map(weight).sum();
         if total <= 0.0 {
             let unknown = config.unknown_sigma_m.powi(2);
-            return Components { cell_m2, scan_m2: unknown, mean_m2: unknown };
+            return Components { cell, scan: unknown, mean: unknown };
         }
         let middle = means.values().map(|of| of.mean * weight(of)).sum::<SVector<f64, N>>() / total;
         let scans = means.len() as f64;
         let spread: f64 = means.values().map(|of| (of.mean - middle).norm_squared() / axes).sum();
-        let by_cells: f64 = means.values().map(|of| cell_m2 / of.cells).sum::<f64>() * (scans - 1.0) / scans;
-        let scan_m2 = (usual * config.scan_sigma_m.powi(2) + (spread - by_cells).max(0.0)) / (usual + scans - 1.0);
-        let mean_m2 =
-            means.values().map(|of| weight(of).powi(2) * (scan_m2 + cell_m2 / of.cells)).sum::<f64>() / total.powi(2);
-        Components { cell_m2, scan_m2, mean_m2 }
+        let by_cells: f64 = means.values().map(|of| cell / of.cells).sum::<f64>() * (scans - 1.0) / scans;
+        let scan = (usual * config.scan_sigma_m.powi(2) + (spread - by_cells).max(0.0)) / (usual + scans - 1.0);
+        let mean = means.values().map(|of| weight(of).powi(2) * (scan + cell / of.cells)).sum::<f64>() / total.powi(2);
+        Components { cell, scan, mean }
     }
 }
 
@@ -129,7 +128,7 @@ mod tests {
                 }
                 sum = (sum.0 + mean * (cells as f64).sqrt(), sum.1 + (cells as f64).sqrt());
             }
-            said += scatter.components(&config).mean_m2;
+            said += scatter.components(&config).mean;
             was += (sum.0 / sum.1).norm_squared() / 2.0;
         }
         assert!((said / was - 1.0).abs() < 0.25, "{}", said / was);
@@ -142,7 +141,7 @@ mod tests {
         for cell in 0..1000 {
             scatter.add(0, cell, Vector2::new(0.001 * (cell % 3) as f64, 0.0));
         }
-        assert!(scatter.components(&config).mean_m2.sqrt() >= config.scan_sigma_m * 0.99);
-        assert!(Scatter::<1>::default().components(&config).mean_m2.is_finite());
+        assert!(scatter.components(&config).mean.sqrt() >= config.scan_sigma_m * 0.99);
+        assert!(Scatter::<1>::default().components(&config).mean.is_finite());
     }
 }

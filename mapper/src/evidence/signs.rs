@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Point2, Vector1, Vector3};
 use super::scatter::Scatter;
 use super::{EvidenceConfig, PointEvidence};
 use crate::cloud::{Cloud, CloudPoint};
+use crate::lidar::LidarConfig;
 
 /// Reflectance from which on points are of the plate and not of what stands
 /// behind it, where there are enough of them.
@@ -16,7 +17,7 @@ const FEWEST: usize = 5;
 /// A plate's centroid is the middle of its outline. Along the view it errs as
 /// its scans do; across and in height its edges lie between two beams, or
 /// beyond the lidar's field of view.
-pub fn of_sign(cloud: &Cloud, sign: &Sign, config: &EvidenceConfig) -> PointEvidence {
+pub fn of_sign(cloud: &Cloud, sign: &Sign, config: &EvidenceConfig, lidar: &LidarConfig) -> PointEvidence {
     let reach_m = sign.size_m / 2.0 + config.reach_m;
     let at = sign.centroid_map;
     let near: Vec<&CloudPoint> =
@@ -42,7 +43,7 @@ pub fn of_sign(cloud: &Cloud, sign: &Sign, config: &EvidenceConfig) -> PointEvid
     }
     let components = scatter.components(config);
     let scans = scatter.scans() as f64;
-    let pose_m2 = components.scan_m2 / scans;
+    let pose_m2 = components.scan / scans;
     let range_m = points.iter().map(|p| f64::from(p.range_m)).sum::<f64>() / points.len() as f64;
     let edge = |axis: &Vector3<f64>, gap_m: f64| {
         let along = points.iter().map(|p| (p.position - at).dot(axis));
@@ -54,14 +55,26 @@ pub fn of_sign(cloud: &Cloud, sign: &Sign, config: &EvidenceConfig) -> PointEvid
         let unseen_m = (sign.size_m * std::f64::consts::FRAC_1_SQRT_2 - (high - low)).max(0.0);
         gap_m * gap_m / 24.0 + (config.unseen_share * unseen_m).powi(2)
     };
-    let vertical_m2 = pose_m2 + edge(&Vector3::y(), config.beam_step_rad * range_m);
-    // The beams are ten times as dense along the rotation of the lidar.
-    let lateral_m2 = pose_m2 + edge(&across, 0.1 * config.beam_step_rad * range_m);
-    let covariance = deep * deep.transpose() * components.mean_m2
+    let cut_m2 = if is_cut_off(cloud, &points, lidar) { config.cut_off_sigma_m.powi(2) } else { 0.0 };
+    let vertical_m2 = pose_m2 + cut_m2 + edge(&Vector3::y(), lidar.elevation_step_rad * range_m);
+    let lateral_m2 = pose_m2 + edge(&across, lidar.azimuth_step_rad * range_m);
+    let covariance = deep * deep.transpose() * components.mean
         + across * across.transpose() * lateral_m2
         + Vector3::y() * Vector3::y().transpose() * vertical_m2
         + floor;
     PointEvidence::new(&covariance, points.len(), scatter.scans())
+}
+
+/// Whether the highest point of a plate lies within a beam of the upper end of
+/// the field of view of its scan: then nobody knows how far up it goes on.
+fn is_cut_off(cloud: &Cloud, points: &[&CloudPoint], lidar: &LidarConfig) -> bool {
+    let highest = points.iter().min_by(|a, b| a.position.y.total_cmp(&b.position.y));
+    let elevation_rad = highest.and_then(|p| {
+        let sensor = cloud.sensor_map.get(usize::from(p.scan))?;
+        let d = p.position - sensor;
+        Some((-d.y).atan2(d.x.hypot(d.z)))
+    });
+    elevation_rad.is_some_and(|elevation| elevation > lidar.highest_rad - 1.5 * lidar.elevation_step_rad)
 }
 
 #[cfg(test)]
@@ -71,33 +84,35 @@ mod tests {
     use common::map::{RoadId, SignKind};
     use nalgebra::Point3;
 
-    fn sign() -> Sign {
-        let centroid_map = Point3::new(4.0, -0.8, 40.0);
+    /// A sign below the upper end of the lidar's field of view, or above it.
+    fn sign(is_high: bool) -> Sign {
+        let centroid_map = Point3::new(4.0, if is_high { -0.8 } else { 0.5 }, 40.0);
         Sign { kind: SignKind::TrafficSign, centroid_map, size_m: 0.85, road: RoadId(0) }
     }
 
-    fn plate(lower_half_only: bool) -> Cloud {
+    fn plate(sign: &Sign, lower_half_only: bool) -> PointEvidence {
         let mut street = Street::new();
         for scan in 2..6 {
             for (i, k) in (-6..=6).flat_map(|i| (-6..=6).map(move |k| (i, k))) {
                 if k >= 0 || !lower_half_only {
-                    let at = sign().centroid_map + Vector3::new(f64::from(i) * 0.05, f64::from(k) * 0.05, 0.0);
+                    let at = sign.centroid_map + Vector3::new(f64::from(i) * 0.05, f64::from(k) * 0.05, 0.0);
                     street.add(at, scan, 0.95, None);
                 }
             }
         }
-        street.cloud()
+        of_sign(&street.cloud(), sign, &EvidenceConfig::default(), &LidarConfig::default())
     }
 
     #[test]
     fn a_plate_whose_upper_half_was_not_seen_is_known_less_in_height_only() {
         let config = EvidenceConfig::default();
-        let (whole, half) = (of_sign(&plate(false), &sign(), &config), of_sign(&plate(true), &sign(), &config));
+        let (whole, half) = (plate(&sign(false), false), plate(&sign(false), true));
         let up = Vector3::y();
         assert!(half.sigma_m(&up) > 2.0 * whole.sigma_m(&up), "{whole:?} {half:?}");
         assert!((half.sigma_m(&Vector3::x()) / whole.sigma_m(&Vector3::x()) - 1.0).abs() < 0.1);
         assert_eq!(whole.scans, 4);
-        let nothing = of_sign(&Street::new().cloud(), &sign(), &config);
+        assert!(plate(&sign(true), false).sigma_m(&up) > config.cut_off_sigma_m * 0.99);
+        let nothing = of_sign(&Street::new().cloud(), &sign(false), &config, &LidarConfig::default());
         assert!(nothing.sigma_m(&up) > config.unknown_vertical_sigma_m * 0.99);
     }
 }

@@ -30,3 +30,60 @@ fn inspect_accounts_for_every_byte() {
     let sum: u64 = sections.iter().map(|section| section["bytes"].as_u64().unwrap()).sum();
     assert_eq!(sum, std::fs::metadata(&map).unwrap().len());
 }
+
+/// The demo's map reduced to a share of its bytes, with the bytes allowed.
+fn reduced(folder: &std::path::Path, percent: usize) -> (std::path::PathBuf, usize) {
+    let map = DEMO.file("street.csm");
+    let budget = std::fs::metadata(&map).unwrap().len() as usize * percent / 100;
+    let small = folder.join(format!("street_{percent}.csm"));
+    let said = run("mapper", &["reduce", text(&map), "--budget", &budget.to_string(), "--out", text(&small)]).ok();
+    assert!(said.contains("kept ") && said.contains("expected along the roads"), "{said}");
+    (small, budget)
+}
+
+#[test]
+fn a_reduced_map_keeps_to_its_bytes_and_still_localizes() {
+    let folder = tempfile::tempdir().unwrap();
+    let (small, budget) = reduced(folder.path(), 60);
+    assert!(std::fs::metadata(&small).unwrap().len() as usize <= budget);
+    let (drive, labels) = (DEMO.file("drive"), DEMO.file("drive/sequences/00/labels_2"));
+    let (truth, out) = (DEMO.file("drive/truth/poses.txt"), folder.path().join("localized"));
+    let words = ["run", "--map", text(&small), "--kitti", text(&drive), "--sequence", "00", "--labels", text(&labels)];
+    run("localizer", &[&words[..], &["--truth", text(&truth), "--out", text(&out)]].concat()).ok();
+    let said = run("localizer", &["eval", "--estimate", text(&out), "--truth", text(&truth), "--json"]).ok();
+    let json: serde_json::Value = serde_json::from_str(&said).unwrap();
+    // The paper's own figure, in 60 % of the bytes.
+    assert!(json["rms_position_m"].as_f64().unwrap() < 0.345, "{said}");
+}
+
+#[test]
+fn a_reduced_map_has_a_report_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let (small, _) = reduced(folder.path(), 70);
+    let said = run("mapper", &["inspect", text(&small), "--json"]).ok();
+    let json: serde_json::Value = serde_json::from_str(&said).unwrap();
+    let count = |name: &str| json["build"]["evidence"][name].as_array().map(Vec::len);
+    assert_eq!(count("poles"), Some(common::map::read(&small).unwrap().poles.len()), "{said}");
+}
+
+#[test]
+fn the_curve_never_promises_more_for_fewer_bytes() {
+    let map = DEMO.file("street.csm");
+    let said = run("mapper", &["size", text(&map), "--curve", "--json"]).ok();
+    let rows: serde_json::Value = serde_json::from_str(&said).unwrap();
+    let rows = rows.as_array().unwrap();
+    assert_eq!(rows.len(), 5);
+    let expected: Vec<f64> = rows.iter().filter_map(|row| row["map"]["predicted"]["position_rms_m"].as_f64()).collect();
+    assert!(expected.len() >= 4 && expected.windows(2).all(|pair| pair[1] <= pair[0] * 1.05), "{said}");
+    let table = run("mapper", &["size", text(&map), "--curve"]).ok();
+    assert!(table.lines().count() == 8 && table.contains("   all"), "{table}");
+}
+
+#[test]
+fn a_budget_that_nothing_fits_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (map, small) = (DEMO.file("street.csm"), folder.path().join("small.csm"));
+    let ran = run("mapper", &["reduce", text(&map), "--budget", "30", "--out", text(&small)]);
+    ran.refused(&["no map fits 30 bytes", "give --budget "]);
+    assert!(!small.exists());
+}

@@ -1,0 +1,132 @@
+//! `mapper reduce`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use common::map::{SemanticMap, layout};
+use common::{atomic_file, config};
+use serde::Serialize;
+
+use super::{Outcome, print, print_json};
+use crate::budget::{Accuracy, BudgetConfig, Counts, Detail, Known, reduce};
+use crate::config::Config;
+use crate::error::Result;
+use crate::evidence::MapEvidence;
+use crate::report::{BuildReport, checksum, read_beside, write_beside};
+
+/// Write a map within a budget of bytes: of its landmarks those that localize
+/// best.
+#[derive(Debug, Args)]
+pub struct Reduce {
+    /// The map. The report of its build beside it says how well each landmark
+    /// is known; without one all count as known alike.
+    #[arg(value_name = "MAP.csm")]
+    map: PathBuf,
+    /// Most bytes that the smaller map may have.
+    #[arg(long, value_name = "BYTES")]
+    budget: usize,
+    /// The smaller map to write.
+    #[arg(long, value_name = "SMALL.csm")]
+    out: PathBuf,
+    /// Settings that differ from the defaults, as TOML, in `[budget]`.
+    #[arg(long, value_name = "FILE.toml")]
+    config: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+struct Summary<'a> {
+    map: &'a Path,
+    bytes: usize,
+    kept: Counts,
+    of: Counts,
+    detail: Detail,
+    predicted: Accuracy,
+}
+
+/// A map file with what its report says about it.
+pub struct Stored {
+    /// The map.
+    pub map: SemanticMap,
+    /// How well its landmarks are known, or is assumed.
+    pub evidence: MapEvidence,
+    /// Step of its coordinates, metres.
+    pub quantum_m: f64,
+    /// Length of its file, bytes.
+    pub bytes: usize,
+    /// The report beside it.
+    pub report: Option<BuildReport>,
+    /// The settings of the budget.
+    pub config: BudgetConfig,
+}
+
+impl Stored {
+    /// Reads a map, the report beside it, and settings.
+    ///
+    /// # Errors
+    /// A file that cannot be read or is not what it should be.
+    pub fn read(path: &Path, settings: Option<&PathBuf>) -> Result<Self> {
+        let settings: Config = settings.map_or_else(|| Ok(Config::default()), config::load)?;
+        let bytes = std::fs::read(path).map_err(common::Error::io(path))?;
+        let map = SemanticMap::decode(&bytes).map_err(common::Error::in_file(path))?;
+        let quantum_m = layout(&bytes).map_err(common::Error::in_file(path))?.quantum_m;
+        let report = read_beside(path, &bytes)?;
+        let evidence = report
+            .as_ref()
+            .map(|report| report.evidence.clone())
+            .filter(|evidence| evidence.fits(&map))
+            .unwrap_or_else(|| MapEvidence::assumed(&map, &settings.evidence));
+        Ok(Self { map, evidence, quantum_m, bytes: bytes.len(), report, config: settings.budget })
+    }
+
+    /// What a reduction starts from.
+    pub fn known(&self) -> Known<'_> {
+        Known { map: &self.map, evidence: &self.evidence, quantum_m: self.quantum_m }
+    }
+}
+
+impl Reduce {
+    /// Runs the command.
+    pub fn run(&self) -> Result<Outcome> {
+        let stored = Stored::read(&self.map, self.config.as_ref())?;
+        let reduced = reduce(stored.known(), self.budget, &stored.config)?;
+        atomic_file::write(&self.out, &reduced.bytes)?;
+        if let Some(report) = stored.report {
+            let report = BuildReport {
+                map_bytes: reduced.bytes.len(),
+                map_crc32c: checksum(&reduced.bytes),
+                evidence: reduced.evidence,
+                ..report
+            };
+            write_beside(&self.out, &report)?;
+        }
+        let (kept, of) = (Counts::of(&reduced.map), Counts::of(&stored.map));
+        let (bytes, detail, predicted) = (reduced.bytes.len(), reduced.detail, reduced.predicted);
+        if self.json {
+            print_json(&Summary { map: &self.out, bytes, kept, of, detail, predicted })?;
+            return Ok(Outcome::Done);
+        }
+        print(&format!("{}: {bytes} bytes of {}\n{}", self.out.display(), stored.bytes, kept_text(kept, of)));
+        print(&format!(
+            "expected along the roads: {:.2} m sideways, {:.2} m forward, {:.2} degrees of heading (at the worst place {:.2}, {:.2}, {:.2})\n",
+            predicted.lateral_m.median,
+            predicted.longitudinal_m.median,
+            predicted.heading_rad.median.to_degrees(),
+            predicted.lateral_m.worst,
+            predicted.longitudinal_m.worst,
+            predicted.heading_rad.worst.to_degrees(),
+        ));
+        Ok(Outcome::Done)
+    }
+}
+
+/// How many landmarks were kept, as a line of text.
+pub fn kept_text(kept: Counts, of: Counts) -> String {
+    format!(
+        "kept {} of {} poles, {} of {} signs, {} of {} lane lines\n",
+        kept.poles, of.poles, kept.signs, of.signs, kept.lanes, of.lanes
+    )
+}

@@ -1,0 +1,150 @@
+//! Accuracy against bytes: a map is reduced to several sizes, and a drive is
+//! localized in each.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Parser;
+use common::map::{SemanticMap, layout};
+use mapper::Config;
+use mapper::budget::{Accuracy, Known, reduce};
+use mapper::evidence::MapEvidence;
+use mapper::report::read_beside;
+use waymark_tests::budget_curve::{Measured, Naive, Seen, naive};
+
+/// Predicted and measured accuracy of a map reduced to several sizes.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Arguments {
+    /// The map, with the report of its build beside it.
+    #[arg(long, value_name = "MAP.csm")]
+    map: PathBuf,
+    /// Folder with `sequences/`, as KITTI odometry has it.
+    #[arg(long, value_name = "ROOT")]
+    kitti: PathBuf,
+    /// Name of the sequence.
+    #[arg(long, value_name = "NN", default_value = "00")]
+    sequence: String,
+    /// Folder with probability images [default: `labels_2` in the sequence].
+    #[arg(long, value_name = "DIR")]
+    labels: Option<PathBuf>,
+    /// True poses [default: `truth/poses.txt` in ROOT].
+    #[arg(long, value_name = "POSES.txt")]
+    truth: Option<PathBuf>,
+    /// The sizes, bytes, separated by commas; the whole map comes last.
+    #[arg(long, value_name = "BYTES,..", value_delimiter = ',', default_values_t = [512, 1024, 2048, 4096])]
+    at: Vec<usize>,
+    /// GPS starts, with the seeds 0, 1, ...; their errors are pooled.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    starts: u64,
+    /// Also keep landmarks by size, by count and at random.
+    #[arg(long)]
+    naive: bool,
+    /// Settings of the mapper that differ from the defaults, as TOML.
+    #[arg(long, value_name = "FILE.toml")]
+    config: Option<PathBuf>,
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("error: {message}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), String> {
+    let say = |error: common::Error| error.to_string();
+    let config: Config =
+        arguments.config.as_ref().map_or_else(|| Ok(Config::default()), common::config::load).map_err(say)?;
+    let bytes = std::fs::read(&arguments.map).map_err(|error| format!("{}: {error}", arguments.map.display()))?;
+    let map = SemanticMap::decode(&bytes).map_err(common::Error::in_file(&arguments.map)).map_err(say)?;
+    let quantum_m = layout(&bytes).map_err(say)?.quantum_m;
+    let report = read_beside(&arguments.map, &bytes).map_err(|error| error.to_string())?;
+    let evidence = report
+        .map(|report| report.evidence)
+        .filter(|evidence| evidence.fits(&map))
+        .unwrap_or_else(|| MapEvidence::assumed(&map, &config.evidence));
+    let whole = Known { map: &map, evidence: &evidence, quantum_m };
+    let seen = look(arguments)?;
+    println!(
+        "{}: {} bytes; errors of {} starts, metres and degrees",
+        arguments.map.display(),
+        bytes.len(),
+        arguments.starts
+    );
+    println!(
+        "{:>6} {:>10} {:>6} {:>14} {:>7} | expected {:>5} {:>7} {:>5} | measured {:>5} {:>7} {:>5} {:>6} {:>6} {:>7}",
+        "bytes",
+        "kept",
+        "used",
+        "poles signs ln",
+        "quantum",
+        "RMS",
+        "lateral",
+        "long",
+        "RMS",
+        "lateral",
+        "long",
+        "angle",
+        "worst",
+        "<0.5 m"
+    );
+    for budget in arguments.at.iter().copied().chain([usize::MAX]) {
+        let reduced = match reduce(whole, budget, &config.budget) {
+            Ok(reduced) => reduced,
+            Err(error) => {
+                println!("{budget:>6} {error}");
+                continue;
+            }
+        };
+        let used = reduced.bytes.len();
+        let measured = seen.measure(&reduced.map, arguments.starts);
+        row(budget, "best", used, &reduced.map, reduced.detail.quantum_m, Some(&reduced.predicted), &measured);
+        if !arguments.naive || budget == usize::MAX {
+            continue;
+        }
+        for (name, order) in [("by size", Naive::BySize), ("by count", Naive::ByCount), ("random", Naive::Random)] {
+            let map = naive(whole, &reduced.detail, budget, order)?;
+            let measured = seen.measure(&map, arguments.starts);
+            row(budget, name, budget, &map, reduced.detail.quantum_m, None, &measured);
+        }
+    }
+    Ok(())
+}
+
+fn look(arguments: &Arguments) -> Result<Seen, String> {
+    let or = |given: &Option<PathBuf>, usual: PathBuf| given.clone().unwrap_or(usual);
+    let root: &Path = &arguments.kitti;
+    let labels = or(&arguments.labels, root.join("sequences").join(&arguments.sequence).join("labels_2"));
+    let truth = or(&arguments.truth, root.join("truth/poses.txt"));
+    Seen::read(root, &arguments.sequence, &labels, &truth)
+}
+
+fn row(
+    budget: usize,
+    name: &str,
+    used: usize,
+    map: &SemanticMap,
+    quantum_m: f64,
+    predicted: Option<&Accuracy>,
+    measured: &Measured,
+) {
+    let budget = if budget == usize::MAX { "all".to_owned() } else { budget.to_string() };
+    let counts = format!("{} {} {}", map.poles.len(), map.signs.len(), map.lanes.len());
+    let expected = predicted.map_or_else(
+        || format!("{:>14} {:>7} {:>5}", "", "", ""),
+        |p| format!("{:>14.3} {:>7.3} {:>5.3}", p.position_rms_m, p.lateral_m.median, p.longitudinal_m.median),
+    );
+    println!(
+        "{budget:>6} {name:>10} {used:>6} {counts:>14} {quantum_m:>7} | {expected} | {:>14.3} {:>7.3} {:>5.3} {:>6.2} {:>6.2} {:>7.3}",
+        measured.position_m,
+        measured.lateral_m,
+        measured.longitudinal_m,
+        measured.angle_rad.to_degrees(),
+        measured.worst_m,
+        measured.under_half_metre
+    );
+}

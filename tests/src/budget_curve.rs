@@ -1,0 +1,163 @@
+//! Accuracy against bytes: what a smaller map is expected to localize to, and
+//! what it does.
+
+use std::path::Path;
+
+use common::geometry::Pose;
+use common::map::{EncodeOptions, SemanticMap};
+use localizer::config::Config as LocalizerConfig;
+use localizer::drive::{Drive, Source, image_size};
+use localizer::eval::{FrameError, score};
+use localizer::gps::simulate;
+use localizer::output::Recorded;
+use localizer::projection::ImageSize;
+use localizer::road_index::RoadIndex;
+use localizer::run::{FrameFeatures, Localizer, Method, localize};
+use mapper::budget::{Detail, Known};
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_pcg::Pcg64;
+
+/// A drive whose images have been looked at, and its true poses.
+pub struct Seen {
+    drive: Drive,
+    image: ImageSize,
+    frames: Vec<FrameFeatures>,
+    truth: Vec<Pose>,
+    config: LocalizerConfig,
+}
+
+/// Measured errors, pooled over all starts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    /// Root mean square of the position error, metres.
+    pub position_m: f64,
+    /// To the right, metres.
+    pub lateral_m: f64,
+    /// Forward, metres.
+    pub longitudinal_m: f64,
+    /// Of the angle, radians.
+    pub angle_rad: f64,
+    /// Largest position error, metres.
+    pub worst_m: f64,
+    /// Share of frames off by less than half a metre.
+    pub under_half_metre: f64,
+}
+
+/// Frames that a run is started with, which are not scored.
+const START_FRAMES: usize = 2;
+
+impl Seen {
+    /// Looks at the label images of a sequence.
+    ///
+    /// # Errors
+    /// One sentence that names the file and says what is wrong with it.
+    pub fn read(root: &Path, sequence: &str, labels: &Path, truth: &Path) -> Result<Self, String> {
+        let say = |error: localizer::Error| error.to_string();
+        let config = LocalizerConfig::default();
+        let source = Source::open(&[], Some(labels)).map_err(say)?;
+        let drive = Drive::open(root, sequence, Some(labels), 0, None).map_err(say)?;
+        let truth = common::kitti::read_poses(truth).map_err(|error| error.to_string())?;
+        let mut frames = Vec::with_capacity(drive.frames.len());
+        let mut size = None;
+        for &frame in drive.frames.iter().filter(|frame| **frame < truth.len()) {
+            let found = drive.see(frame, &source, size, &config.vision).map_err(say)?;
+            size = Some((found.maps.width(), found.maps.height()));
+            frames.push(FrameFeatures {
+                frame,
+                time_s: drive.times_s[frame],
+                features: found.features,
+                maps_ms: found.maps_ms,
+                features_ms: found.features_ms,
+            });
+        }
+        let (width, height) = size.ok_or("the drive has no frame with a true pose; give the poses of this drive")?;
+        Ok(Self { drive, image: image_size(width, height), frames, truth, config })
+    }
+
+    /// Localizes the drive in a map from so many GPS starts.
+    pub fn measure(&self, map: &SemanticMap, starts: u64) -> Measured {
+        let index = RoadIndex::new(map);
+        let truth: Vec<Option<Pose>> = self.truth.iter().copied().map(Some).collect();
+        let mut errors: Vec<FrameError> = Vec::new();
+        for seed in 0..starts {
+            let first: Vec<usize> =
+                self.frames.iter().take(self.config.gps.simulated_fixes).map(|seen| seen.frame).collect();
+            let poses: Vec<Pose> = first.iter().map(|frame| self.truth[*frame]).collect();
+            let fixes = first.iter().copied().zip(simulate(&poses, &self.config.gps, seed)).collect();
+            let localizer = Localizer::new(Method::Robust, map, &index, &self.drive.camera, self.image, &self.config);
+            let results = localize(&self.frames, &fixes, localizer);
+            let scored: Vec<Recorded> = results.iter().skip(START_FRAMES).map(Recorded::from).collect();
+            errors.extend(score(&scored, &truth, &[]).into_iter().flat_map(|report| report.errors));
+        }
+        let count = errors.len().max(1) as f64;
+        let rms = |value: &dyn Fn(&FrameError) -> f64| {
+            (errors.iter().map(|error| value(error).powi(2)).sum::<f64>() / count).sqrt()
+        };
+        Measured {
+            position_m: rms(&FrameError::position_m),
+            lateral_m: rms(&|error| error.lateral_m),
+            longitudinal_m: rms(&|error| error.longitudinal_m),
+            angle_rad: rms(&|error| error.angle_rad),
+            worst_m: errors.iter().map(FrameError::position_m).fold(0.0, f64::max),
+            under_half_metre: errors.iter().filter(|error| error.position_m() < 0.5).count() as f64 / count,
+        }
+    }
+}
+
+/// What one would keep without thinking of the camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Naive {
+    /// The longest poles and lines, the largest signs.
+    BySize,
+    /// As many as possible: what takes fewest bytes.
+    ByCount,
+    /// Whatever comes.
+    Random,
+}
+
+/// Fills a map of this detail with landmarks in a naive order while they fit.
+///
+/// # Errors
+/// As [`SemanticMap::encode`].
+pub fn naive(whole: Known<'_>, detail: &Detail, budget_bytes: usize, order: Naive) -> Result<SemanticMap, String> {
+    let (map, _) = detail.applied(whole);
+    let options = EncodeOptions { quantum_m: detail.quantum_m };
+    let bytes = |map: &SemanticMap| map.encode(&options).map(|bytes| bytes.len()).map_err(|error| error.to_string());
+    let mut kept = SemanticMap { roads: map.roads.clone(), frame_note: map.frame_note.clone(), ..Default::default() };
+    let with = |kept: &SemanticMap, landmark: usize| {
+        let mut kept = kept.clone();
+        let (poles, signs) = (map.poles.len(), map.signs.len());
+        if landmark < poles {
+            kept.poles.push(map.poles[landmark]);
+        } else if landmark < poles + signs {
+            kept.signs.push(map.signs[landmark - poles]);
+        } else {
+            kept.lanes.push(map.lanes[landmark - poles - signs].clone());
+        }
+        kept
+    };
+    let empty = bytes(&kept)?;
+    let sizes =
+        map.poles.iter().map(common::map::Pole::length_m).chain(map.signs.iter().map(|sign| sign.size_m)).chain(
+            map.lanes.iter().map(|lane| lane.points_map.windows(2).map(|ends| (ends[1] - ends[0]).norm()).sum()),
+        );
+    let mut landmarks: Vec<(f64, usize)> = sizes.enumerate().map(|(landmark, size_m)| (size_m, landmark)).collect();
+    match order {
+        Naive::BySize => landmarks.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1))),
+        Naive::Random => landmarks.shuffle(&mut Pcg64::seed_from_u64(1)),
+        Naive::ByCount => {
+            for (cost, landmark) in &mut landmarks {
+                *cost = (bytes(&with(&kept, *landmark))? - empty) as f64;
+            }
+            landmarks.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        }
+    }
+    for (_, landmark) in landmarks {
+        let more = with(&kept, landmark);
+        if bytes(&more)? <= budget_bytes {
+            kept = more;
+        }
+    }
+    SemanticMap::decode(&kept.encode(&options).map_err(|error| error.to_string())?).map_err(|error| error.to_string())
+}

@@ -147,7 +147,7 @@ impl Default for BackConfig {
         Self {
             lowest_m: 1.5,
             least_height_m: 0.2,
-            width_m: [0.25, 1.3],
+            width_m: [0.3, 1.3],
             largest_aspect: 3.0,
             thickest_m: 0.05,
             fewest_rows: 5,
@@ -185,6 +185,9 @@ pub struct LightConfig {
     pub width_m: [f64; 2],
     /// Depth of a box without its visors, metres.
     pub depth_m: f64,
+    /// Boxes whose middles are this far apart in the plane hang on different
+    /// sides of their post, metres.
+    pub apart_m: f64,
     /// Fewest hits on the box.
     pub fewest_hits: usize,
     /// Fewest scans with hits on the box.
@@ -201,8 +204,9 @@ impl Default for LightConfig {
             off_post_m: 0.06,
             reach_m: 0.5,
             height_m: [0.4, 1.4],
-            width_m: [0.15, 0.5],
+            width_m: [0.1, 0.5],
             depth_m: 0.24,
+            apart_m: 0.12,
             fewest_hits: 20,
             fewest_scans: 3,
         }

@@ -3,6 +3,7 @@
 pub mod budget_curve;
 pub mod data;
 pub mod evidence_score;
+pub mod labels;
 pub mod map_score;
 pub mod matching;
 pub mod pole_map;

@@ -1,0 +1,86 @@
+//! Scores a map of KITTI against the point labels of its scans.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use common::kitti::Sequence;
+use waymark_tests::labels::{LabelScore, OnLandmark, read, score};
+
+/// Scores a map of KITTI against the point labels of its scans
+/// (`SemanticKITTI`): the share of points on each class of landmarks that carry
+/// its label, recall and precision of poles, each miss and each false one.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Arguments {
+    /// The map.
+    #[arg(long, value_name = "MAP.csm")]
+    map: PathBuf,
+    /// The poses that it was built with, from `mapper build --trajectory`.
+    #[arg(long, value_name = "POSES.txt")]
+    trajectory: PathBuf,
+    /// Folder with `sequences/NN/{velodyne,labels,calib.txt}`.
+    #[arg(long, value_name = "ROOT")]
+    kitti: PathBuf,
+    /// The sequence.
+    #[arg(long, value_name = "NN")]
+    sequence: String,
+    /// What is farther from the cameras of the labelled frames does not count,
+    /// metres.
+    #[arg(long, value_name = "M", default_value_t = 15.0)]
+    within: f64,
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), String> {
+    let map = common::map::read(&arguments.map).map_err(|error| error.to_string())?;
+    let trajectory = common::kitti::read_poses(&arguments.trajectory).map_err(|error| error.to_string())?;
+    let sequence = Sequence::open(&arguments.kitti, &arguments.sequence).map_err(|error| error.to_string())?;
+    let labelled = read(&sequence, &trajectory)?;
+    println!("{}: within {} m of {} labelled frames", arguments.map.display(), arguments.within, labelled.frames.len());
+    print(&score(&map, &labelled, arguments.within));
+    Ok(())
+}
+
+fn is_right(landmark: &OnLandmark) -> bool {
+    2 * landmark.right >= landmark.points
+}
+
+fn print(score: &LabelScore) {
+    let mut by_kind: BTreeMap<&str, Vec<&OnLandmark>> = BTreeMap::new();
+    for landmark in &score.landmarks {
+        by_kind.entry(&landmark.kind).or_default().push(landmark);
+    }
+    println!("{:14} {:>9} {:>8} {:>16} {:>16}", "", "landmarks", "points", "with its label", "mostly its label");
+    for (kind, landmarks) in &by_kind {
+        let points: usize = landmarks.iter().map(|l| l.points).sum();
+        let right: usize = landmarks.iter().map(|l| l.right).sum();
+        let mostly = landmarks.iter().filter(|l| is_right(l)).count();
+        let share = right as f64 / points.max(1) as f64;
+        println!("{kind:14} {:9} {points:8} {share:16.3} {mostly:16}", landmarks.len());
+    }
+    let found = score.poles.iter().filter(|pole| pole.is_found).count();
+    println!("labelled poles found: {found} of {}", score.poles.len());
+    for pole in score.poles.iter().filter(|pole| !pole.is_found) {
+        println!(
+            "missed x {:7.2}  z {:7.2}  {} points labelled as pole, {:.1} m high",
+            pole.at.x, pole.at.y, pole.points, pole.height_m
+        );
+    }
+    for landmark in score.landmarks.iter().filter(|l| !is_right(l)) {
+        println!(
+            "wrong  x {:7.2}  z {:7.2}  {}: {} of {} points have its label, most have {}",
+            landmark.at.x, landmark.at.y, landmark.kind, landmark.right, landmark.points, landmark.mostly
+        );
+    }
+}

@@ -7,7 +7,6 @@ use common::map::atlas::is_atlas;
 use common::map::{SemanticMap, layout};
 
 use super::{Outcome, print, print_json};
-use crate::atlas::AtlasInspection;
 use crate::draw::svg;
 use crate::error::Result;
 use crate::inspect::Inspection;

@@ -13,10 +13,14 @@ const PIECE_M: f64 = 0.1;
 /// Height of the layers in which a rail is looked for, metres: they overlap by
 /// half, as a rail may lie across the border of two.
 const LAYER_M: f64 = 0.15;
+/// Largest cosine between the rails to both sides of a post: fences turn at
+/// posts, by less than a right angle mostly.
+const ON_THE_OTHER_SIDE: f64 = -0.5;
 
-/// The direction, map (x, z), in which a rail goes out from a post: hits in one
-/// direction and at one height, from its surface on without a gap. What merely
-/// stands behind a post begins farther off.
+/// The direction, map (x, z), of one of the rails that go out from a post to
+/// both sides: hits in one direction and at one height, from its surface on
+/// without a gap, and open above or below. What merely stands behind a post
+/// begins farther off.
 pub(super) fn rail(
     hits: &[Hit],
     axis: &Axis,
@@ -37,12 +41,12 @@ pub(super) fn rail(
         .map(|h| (h.at - axis.at(h.height), (2.0 * (h.above_ground - low_m) / LAYER_M) as usize))
         .filter(|(off, layer)| (from_m..from_m + config.rail_m).contains(&off.norm()) && *layer < layers)
         .collect();
-    (0..DIRECTIONS)
+    let ways: Vec<Vector2<f64>> = (0..DIRECTIONS)
         .map(|k| {
             let angle = k as f64 * std::f64::consts::TAU / DIRECTIONS as f64;
             Vector2::new(angle.cos(), angle.sin())
         })
-        .find(|way| {
+        .filter(|way| {
             let mut filled = vec![0_u32; layers + 1];
             for (off, layer) in &beside {
                 let along = off.dot(way) - from_m;
@@ -52,8 +56,13 @@ pub(super) fn rail(
                     filled[layer + 1] |= piece;
                 }
             }
-            filled.iter().any(|f| f.count_ones() as usize + 1 >= pieces)
+            let of_rail = filled.iter().filter(|f| f.count_ones() as usize + 1 >= pieces).count();
+            // Open air goes with it: a hedge fills every height.
+            of_rail > 0 && 2 * of_rail <= layers
         })
+        .collect();
+    // To one side only it may be a branch, a bicycle or the edge of a car.
+    ways.iter().find(|way| ways.iter().any(|other| way.dot(other) < ON_THE_OTHER_SIDE)).copied()
 }
 
 /// Which of the poles stand in a fence: low ones with a rail, and those in line

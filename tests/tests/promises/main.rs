@@ -15,6 +15,7 @@ mod exports;
 mod inputs;
 mod map_from_scans;
 mod measured_streets;
+mod merged_maps;
 mod real_kitti;
 mod refined_poses;
 mod settings;

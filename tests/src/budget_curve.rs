@@ -9,9 +9,9 @@ use localizer::config::Config as LocalizerConfig;
 use localizer::drive::{Drive, Source, image_size};
 use localizer::eval::{FrameError, score};
 use localizer::gps::simulate;
+use localizer::local_map::LocalMap;
 use localizer::output::Recorded;
 use localizer::projection::ImageSize;
-use localizer::road_index::RoadIndex;
 use localizer::run::{FrameFeatures, Localizer, Method, localize};
 use mapper::budget::{Detail, Known};
 use rand::SeedableRng;
@@ -76,8 +76,11 @@ impl Seen {
     }
 
     /// Localizes the drive in a map from so many GPS starts.
-    pub fn measure(&self, map: &SemanticMap, starts: u64) -> Measured {
-        let index = RoadIndex::new(map);
+    ///
+    /// # Errors
+    /// What the localizer says; a map in memory gives it no reason.
+    pub fn measure(&self, map: &SemanticMap, starts: u64) -> Result<Measured, String> {
+        let mut map = LocalMap::whole(map.clone());
         let truth: Vec<Option<Pose>> = self.truth.iter().copied().map(Some).collect();
         let mut errors: Vec<FrameError> = Vec::new();
         for seed in 0..starts {
@@ -85,8 +88,8 @@ impl Seen {
                 self.frames.iter().take(self.config.gps.simulated_fixes).map(|seen| seen.frame).collect();
             let poses: Vec<Pose> = first.iter().map(|frame| self.truth[*frame]).collect();
             let fixes = first.iter().copied().zip(simulate(&poses, &self.config.gps, seed)).collect();
-            let localizer = Localizer::new(Method::Robust, map, &index, &self.drive.camera, self.image, &self.config);
-            let results = localize(&self.frames, &fixes, localizer);
+            let localizer = Localizer::new(Method::Robust, &mut map, &self.drive.camera, self.image, &self.config);
+            let results = localize(&self.frames, &fixes, localizer).map_err(|error| error.to_string())?;
             let scored: Vec<Recorded> = results.iter().skip(START_FRAMES).map(Recorded::from).collect();
             errors.extend(score(&scored, &truth, &[]).into_iter().flat_map(|report| report.errors));
         }
@@ -94,14 +97,14 @@ impl Seen {
         let rms = |value: &dyn Fn(&FrameError) -> f64| {
             (errors.iter().map(|error| value(error).powi(2)).sum::<f64>() / count).sqrt()
         };
-        Measured {
+        Ok(Measured {
             position_m: rms(&FrameError::position_m),
             lateral_m: rms(&|error| error.lateral_m),
             longitudinal_m: rms(&|error| error.longitudinal_m),
             angle_rad: rms(&|error| error.angle_rad),
             worst_m: errors.iter().map(FrameError::position_m).fold(0.0, f64::max),
             under_half_metre: errors.iter().filter(|error| error.position_m() < 0.5).count() as f64 / count,
-        }
+        })
     }
 }
 

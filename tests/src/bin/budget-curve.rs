@@ -101,14 +101,14 @@ fn run(arguments: &Arguments) -> Result<(), String> {
             }
         };
         let used = reduced.bytes.len();
-        let measured = seen.measure(&reduced.map, arguments.starts);
+        let measured = seen.measure(&reduced.map, arguments.starts)?;
         row(budget, "best", used, &reduced.map, reduced.detail.quantum_m, Some(&reduced.predicted), &measured);
         if !arguments.naive || budget == usize::MAX {
             continue;
         }
         for (name, order) in [("by size", Naive::BySize), ("by count", Naive::ByCount), ("random", Naive::Random)] {
             let map = naive(whole, &reduced.detail, budget, order)?;
-            let measured = seen.measure(&map, arguments.starts);
+            let measured = seen.measure(&map, arguments.starts)?;
             row(budget, name, budget, &map, reduced.detail.quantum_m, None, &measured);
         }
     }

@@ -115,10 +115,14 @@ mod tests {
             points: 100,
             scans: 5,
             visibility: 1.0,
+            was_near: true,
             free_m: 2.5,
             top_is_open: false,
             attached_share: 0.0,
+            rail: None,
             reflectance: 0.3,
+            slope: nalgebra::Vector2::zeros(),
+            slope_covariance: nalgebra::Matrix2::identity() * 1e-4,
         };
         (Pole { kind: PoleKind::SignPost, foot_map: foot, top_map: top, road: RoadId(0) }, fitted)
     }

@@ -146,7 +146,8 @@ pub struct PoleConfig {
     pub pillars_apart_m: [f64; 2],
     /// How far a pillar may be from the corner of the rectangle, metres.
     pub pillars_off_m: f64,
-    /// Top of what ends below any sign, metres above ground.
+    /// Top of what ends below any sign, metres above ground: posts of fences and
+    /// gates are up to 1.6 m high, and low signs hang from 1.9 m on.
     pub short_top_m: f64,
     /// Largest radius of what ends below any sign, metres: delineators and
     /// bollards are tubes of 6 to 12 cm across, measured to 3 cm; what is thicker
@@ -239,7 +240,7 @@ impl Default for PoleConfig {
             pillar_radius_m: 0.13,
             pillars_apart_m: [2.5, 12.0],
             pillars_off_m: 0.3,
-            short_top_m: 2.0,
+            short_top_m: 1.8,
             thickest_short_m: 0.09,
             least_reflectance: 0.7,
             sheeting_reflectance: 0.9,

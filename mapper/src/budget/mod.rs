@@ -2,7 +2,7 @@
 //!
 //! Along the roads stand [`Places`]; what a forward camera sees from each of
 //! them, and how much it tells about its pose, is linearised once (`sight`).
-//! [`select`] then takes the landmarks one after the other that tell most per
+//! `select` then takes the landmarks one after the other that tell most per
 //! byte, where least is known, until the bytes are used up.
 
 mod accuracy;

@@ -90,14 +90,15 @@ pub enum Error {
         /// Numbers that belong there.
         expected: usize,
     },
-    /// A 3x3 part that is no rotation.
-    #[error("{}:{line}: the 3x3 part is {deviation:.2e} away from a rotation (at most {limit:.0e} is accepted); check that each row is a 3x4 pose matrix, row by row", path.display())]
+    /// A 3x3 matrix or a quaternion that is no rotation.
+    #[error("{}:{line}: the rotation is {deviation:.2e} away from a true one (at most {limit:.0e} is accepted); check that its matrix stands there row by row, or that its quaternion has length 1", path.display())]
     NotARotation {
         /// The file.
         path: PathBuf,
         /// The line, counted from 1.
         line: usize,
-        /// Largest difference of an entry from the nearest rotation.
+        /// Largest difference of an entry from the nearest rotation, or of a
+        /// quaternion's length from 1.
         deviation: f64,
         /// The largest that is accepted.
         limit: f64,
@@ -166,10 +167,10 @@ pub enum Error {
         /// What stands there.
         text: String,
     },
-    /// An OXTS packet that is none.
+    /// An OXTS packet, or the file of their stamps, that is none.
     #[error("{}: {what}; take the file from KITTI's raw data again", path.display())]
     BadPacket {
-        /// The packet.
+        /// The file.
         path: PathBuf,
         /// What is wrong with it.
         what: String,

@@ -6,7 +6,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use common::map::atlas::{AtlasBuilder, AtlasOptions, AtlasSummary};
-use common::map::{SemanticMap, layout};
+use common::map::decode_with_layout;
 
 pub use inspection::AtlasInspection;
 
@@ -45,9 +45,8 @@ pub fn make(
     for (done, source) in sources.iter().enumerate() {
         progress(done, sources.len());
         let bytes = std::fs::read(&source.path).map_err(common::Error::io(&source.path))?;
-        let in_file = || common::Error::in_file(&source.path);
-        let quantum_m = layout(&bytes).map_err(in_file())?.quantum_m;
-        builder.add(&SemanticMap::decode(&bytes).map_err(in_file())?, quantum_m).map_err(in_file())?;
+        let (map, layout) = decode_with_layout(&bytes).map_err(common::Error::in_file(&source.path))?;
+        builder.add(&map, layout.quantum_m).map_err(common::Error::in_file(&source.path))?;
     }
     progress(sources.len(), sources.len());
     Ok(builder.write(note)?)
@@ -106,7 +105,7 @@ fn source(path: PathBuf) -> Result<Source> {
 mod tests {
     use super::*;
     use common::map::atlas::Atlas;
-    use common::map::{EncodeOptions, Pole, PoleKind, Road, RoadId};
+    use common::map::{EncodeOptions, Pole, PoleKind, Road, RoadId, SemanticMap};
     use nalgebra::Point3;
 
     fn write(folder: &Path, name: &str, x_m: f64) -> PathBuf {

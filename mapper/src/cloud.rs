@@ -64,8 +64,8 @@ pub struct Cloud {
     lying: ByCell,
 }
 
-/// Indices of some of the points by cell of the ground's grid.
-struct ByCell {
+/// Indices of some points by the cell of a grid that they lie in.
+pub(crate) struct ByCell {
     points: Vec<u32>,
     /// Where each cell begins in `points`.
     starts: Vec<u32>,
@@ -206,10 +206,14 @@ impl Cloud {
             p.height_m = ground.height_m(&at).map_or(f32::NAN, |g| (-p.position.y - g) as f32);
         });
         let thickness_m = config.thickness_m as f32;
-        let standing = ByCell::new(&points, &ground, |h| h > thickness_m);
+        let cell = |p: &CloudPoint| ground.grid().index(&Point2::new(p.position.x, p.position.z));
+        let at_heights = |is_wanted: &dyn Fn(f32) -> bool| {
+            ByCell::new(&points, ground.grid(), |p| is_wanted(p.height_m).then(|| cell(p)).flatten())
+        };
+        let standing = at_heights(&|h| h > thickness_m);
         // The height map may lie below a kerb, and above a gutter.
         let step_m = config.largest_step_m as f32;
-        let lying = ByCell::new(&points, &ground, |h| h.abs() <= step_m);
+        let lying = at_heights(&|h| h.abs() <= step_m);
         let view_weight = view_weights(&sensor_map);
         Self { points, ground, path, path_index, sensor_map, view_weight, scans, standing, lying }
     }
@@ -222,12 +226,12 @@ impl Cloud {
 
     /// The same within so many cells.
     pub fn within_cells(&self, at: &Point2<f64>, cells: usize) -> impl Iterator<Item = &CloudPoint> {
-        self.standing.near(at, cells, self)
+        self.standing.near(at, cells, self.ground.grid()).map(move |i| &self.points[i])
     }
 
     /// Points on the ground and up to a kerb above and below it, likewise.
     pub fn near_ground(&self, at: &Point2<f64>) -> impl Iterator<Item = &CloudPoint> {
-        self.lying.near(at, 1, self)
+        self.lying.near(at, 1, self.ground.grid()).map(move |i| &self.points[i])
     }
 
     /// Where a point lies beside the path.
@@ -247,13 +251,11 @@ fn view_weights(sensor_map: &[Point3<f64>]) -> Vec<f64> {
 }
 
 impl ByCell {
-    /// Counting sort of the points at some heights above the ground.
-    fn new(points: &[CloudPoint], ground: &Ground, is_wanted: impl Fn(f32) -> bool) -> Self {
-        let cell = |p: &CloudPoint| {
-            is_wanted(p.height_m).then(|| ground.grid().index(&Point2::new(p.position.x, p.position.z))).flatten()
-        };
-        let mut starts = vec![0_u32; ground.grid().len() + 1];
-        points.iter().filter_map(cell).for_each(|c| starts[c + 1] += 1);
+    /// Counting sort of points by the cell of a grid that each counts in; what
+    /// counts in none is left out.
+    pub fn new<P>(points: &[P], grid: &Grid, cell: impl Fn(&P) -> Option<usize>) -> Self {
+        let mut starts = vec![0_u32; grid.len() + 1];
+        points.iter().filter_map(&cell).for_each(|c| starts[c + 1] += 1);
         for i in 1..starts.len() {
             starts[i] += starts[i - 1];
         }
@@ -268,15 +270,16 @@ impl ByCell {
         Self { points: by_cell, starts }
     }
 
-    fn near<'a>(&'a self, at: &Point2<f64>, cells: usize, cloud: &'a Cloud) -> impl Iterator<Item = &'a CloudPoint> {
-        let grid = cloud.ground.grid();
+    /// Indices of the points whose cell is within so many of the one at map
+    /// (x, z), row by row; `grid` is that of [`Self::new`].
+    pub fn near<'a>(&'a self, at: &Point2<f64>, cells: usize, grid: &'a Grid) -> impl Iterator<Item = usize> {
         let span = move |c: usize, n: usize| c.saturating_sub(cells)..(c + cells + 1).min(n);
         grid.cell(at).into_iter().flat_map(move |(x, z)| {
             span(z, grid.height).flat_map(move |z| {
                 span(x, grid.width).flat_map(move |x| {
                     let cell = z * grid.width + x;
                     let range = self.starts[cell] as usize..self.starts[cell + 1] as usize;
-                    self.points[range].iter().map(|i| &cloud.points[*i as usize])
+                    self.points[range].iter().map(|i| *i as usize)
                 })
             })
         })

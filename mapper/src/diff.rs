@@ -6,7 +6,7 @@ use common::map::{SemanticMap, SignKind};
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
-use crate::fuse::{Buckets, Place, cluster};
+use crate::fuse::{Buckets, Place, cluster, length_m};
 use crate::merge::{SameRoadConfig, added_roads};
 
 /// When landmarks of two maps are the same.
@@ -214,10 +214,6 @@ fn poles(map: &SemanticMap) -> Vec<Point> {
 fn signs(map: &SemanticMap, kind: SignKind) -> Vec<Point> {
     let of_kind = map.signs.iter().filter(|sign| sign.kind == kind);
     of_kind.map(|sign| (kind.name(), sign.centroid_map)).collect()
-}
-
-fn length_m(points: &[Point3<f64>]) -> f64 {
-    points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
 }
 
 /// Distance of the samples of lane lines, metres.

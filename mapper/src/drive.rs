@@ -34,7 +34,7 @@ pub struct Drive {
 /// Which scans of a drive are stitched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Choice {
-    /// Every so manieth frame.
+    /// Every frame whose number is a multiple of this.
     pub every: usize,
     /// First frame.
     pub first: usize,

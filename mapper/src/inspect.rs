@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use common::map::{LaneKind, PoleKind, SectionSize, SemanticMap, SignKind, layout};
+use common::map::{LaneKind, PoleKind, SectionSize, SemanticMap, SignKind, decode_with_layout};
 use serde::Serialize;
 
 use crate::error::Result;
@@ -54,8 +54,7 @@ impl Inspection {
     /// A file that cannot be read or is no map.
     pub fn of_file(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(common::Error::io(path))?;
-        let map = SemanticMap::decode(&bytes).map_err(common::Error::in_file(path))?;
-        let layout = layout(&bytes).map_err(common::Error::in_file(path))?;
+        let (map, layout) = decode_with_layout(&bytes).map_err(common::Error::in_file(path))?;
         let road_m = road_length_m(&map);
         let (build, build_fault) = match read_beside(path, &bytes) {
             Ok(build) => (build, None),

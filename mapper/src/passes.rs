@@ -6,12 +6,13 @@ use nalgebra::Matrix3;
 
 use crate::fuse::{FuseConfig, FusedLane, Sighting, fuse_lanes, fuse_poles, fuse_signs};
 use crate::poles::FittedPole;
+use crate::roads::runs;
 
 /// What the windows of a drive have found. Each window counts as a pass, for
 /// within one its landmarks were told apart.
 #[derive(Debug, Default)]
 pub struct Passes {
-    poles: Vec<Sighting<Pole>>,
+    poles: Vec<(Sighting<Pole>, FittedPole)>,
     signs: Vec<Sighting<Sign>>,
     lanes: Vec<Sighting<LaneLine>>,
 }
@@ -19,18 +20,19 @@ pub struct Passes {
 impl Passes {
     /// Adds what a window has found.
     pub fn add(&mut self, window: u32, poles: Vec<(Pole, FittedPole)>, signs: Vec<Sign>, lanes: Vec<LaneLine>) {
-        self.poles.extend(poles.into_iter().map(|(landmark, fitted)| Sighting {
-            landmark,
-            pass: window,
-            covariance_map_m2: Some(foot_covariance_m2(&fitted)),
-        }));
+        self.poles.extend(poles.into_iter().map(|(landmark, fitted)| (sighting(landmark, window), fitted)));
         self.signs.extend(signs.into_iter().map(|landmark| sighting(landmark, window)));
         self.lanes.extend(lanes.into_iter().map(|landmark| sighting(landmark, window)));
     }
 
     /// Puts each landmark into the map once.
     pub fn join(self, map: &mut SemanticMap, config: &FuseConfig) {
-        map.poles = fuse_poles(&self.poles, config).into_iter().map(|f| f.landmark).collect();
+        let known = |(sighting, fitted): (Sighting<Pole>, FittedPole)| Sighting {
+            covariance_map_m2: Some(foot_covariance_m2(&fitted, config)),
+            ..sighting
+        };
+        let poles: Vec<Sighting<Pole>> = self.poles.into_iter().map(known).collect();
+        map.poles = fuse_poles(&poles, config).into_iter().map(|f| f.landmark).collect();
         map.signs = fuse_signs(&self.signs, config).into_iter().map(|f| f.landmark).collect();
         let lanes = fuse_lanes(&self.lanes, config);
         map.lanes = lanes.iter().flat_map(|line| by_road(line, map, config)).collect();
@@ -44,16 +46,11 @@ fn sighting<T>(landmark: T, pass: u32) -> Sighting<T> {
 /// Covariance of the foot of a pole, square metres: its points err together
 /// within a scan, so the scans count; the few points of a far one do not tell
 /// its width, and all that is left of the spread is theirs.
-fn foot_covariance_m2(pole: &FittedPole) -> Matrix3<f64> {
+fn foot_covariance_m2(pole: &FittedPole, config: &FuseConfig) -> Matrix3<f64> {
     let scans = pole.scans.max(1) as f64;
-    let views = scans.min(pole.points as f64 / POINTS_PER_VIEW).max(1.0);
-    Matrix3::identity() * (SCAN_SIGMA_M.powi(2) + pole.spread_m.powi(2)) / views
+    let views = scans.min(pole.points as f64 / config.pole_scan_points).max(1.0);
+    Matrix3::identity() * (config.pole_scan_sigma_m.powi(2) + pole.spread_m.powi(2)) / views
 }
-
-/// Error of a pole's place in one scan, metres: registration, range and beam.
-const SCAN_SIGMA_M: f64 = 0.05;
-/// Points of one scan that tell a pole's place as well as a scan can.
-const POINTS_PER_VIEW: f64 = 10.0;
 
 /// A line that several passes drew, cut where another road is nearer: passes
 /// cut it at places of their own.
@@ -64,14 +61,13 @@ fn by_road(line: &FusedLane, map: &SemanticMap, config: &FuseConfig) -> Vec<Lane
     }
     let roads: Vec<RoadId> = line.samples.iter().map(|s| map.nearest_road(&s.point_map).unwrap_or(line.road)).collect();
     let mut cuts: Vec<(usize, RoadId)> = Vec::new();
-    let mut start = 0;
-    for run in roads.chunk_by(|a, b| a == b) {
+    for run in runs(&roads) {
         // Where a line ends shortly behind a cut, it is not worth the vertices.
         let is_short = run.len() as f64 * config.lane_step_m < config.shortest_piece_m;
-        if cuts.last().is_none_or(|(_, road)| *road != run[0]) && !is_short {
-            cuts.push((start, run[0]));
+        let road = roads[run.start];
+        if cuts.last().is_none_or(|(_, last)| *last != road) && !is_short {
+            cuts.push((run.start, road));
         }
-        start += run.len();
     }
     let Some(first) = cuts.first_mut() else { return vec![whole(line.road)] };
     first.0 = 0;

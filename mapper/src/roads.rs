@@ -1,6 +1,5 @@
 //! Stretches of the driven road, so that the localizer looks near by.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 use common::geometry::Pose;
@@ -8,6 +7,7 @@ use common::map::Road;
 use nalgebra::{Point3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
+use crate::fuse::Buckets;
 use crate::lanes::simplify;
 
 /// How the drive is cut into roads and windows.
@@ -81,7 +81,7 @@ pub fn stretches(map_from_camera: &[Pose], first: usize, last: usize, config: &R
 }
 
 /// Way driven to each pose, metres.
-fn driven_m(poses: &[Pose]) -> Vec<f64> {
+pub(crate) fn driven_m(poses: &[Pose]) -> Vec<f64> {
     let steps = poses.windows(2).map(|w| (w[1].translation.vector - w[0].translation.vector).norm());
     let mut driven = vec![0.0];
     driven.extend(steps.scan(0.0, |way, step| {
@@ -109,32 +109,28 @@ fn cut(driven_m: &[f64], length_m: f64) -> Vec<(usize, usize)> {
 
 /// Which frames are on a road that the drive was on before.
 fn driven_again(poses: &[Pose], driven_m: &[f64], config: &RoadConfig) -> Vec<bool> {
-    let cell_m = config.carriageway_m.max(1.0);
-    let cell = |p: &Pose| ((p.translation.x / cell_m).floor() as i64, (p.translation.z / cell_m).floor() as i64);
     let ahead = |p: &Pose| {
         let v = p.rotation * Vector3::z();
         Vector2::new(v.x, v.z).normalize()
     };
     let least_cos = config.parallel_rad.cos();
-    let mut roads: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
+    let mut roads = Buckets::new(config.carriageway_m.max(1.0));
     let mut again: Vec<bool> = Vec::with_capacity(poses.len());
     let mut added = 0;
     for (f, pose) in poses.iter().enumerate() {
         while added < f && driven_m[f] - driven_m[added] >= config.least_way_m {
             if !again[added] {
-                roads.entry(cell(&poses[added])).or_default().push(added);
+                roads.add(&poses[added].translation.vector.into(), added);
             }
             added += 1;
         }
-        let along = |&k: &usize| {
+        let along = |k: usize| {
             let apart = poses[k].translation.vector - pose.translation.vector;
             apart.x.hypot(apart.z) <= config.carriageway_m
                 && apart.y.abs() <= config.storey_m
                 && ahead(&poses[k]).dot(&ahead(pose)).abs() >= least_cos
         };
-        let (x, z) = cell(pose);
-        let near = (-1..=1).flat_map(|i| (-1..=1).map(move |k| (x + i, z + k))).filter_map(|c| roads.get(&c)).flatten();
-        again.push(near.into_iter().any(along));
+        again.push(roads.near(&pose.translation.vector.into(), config.carriageway_m).any(along));
     }
     // Short pieces of a road's own first: else a wandering path ends both.
     for kind in [false, true] {
@@ -150,7 +146,7 @@ fn driven_again(poses: &[Pose], driven_m: &[f64], config: &RoadConfig) -> Vec<bo
 }
 
 /// Runs of equal values.
-fn runs(values: &[bool]) -> Vec<Range<usize>> {
+pub(crate) fn runs<T: PartialEq>(values: &[T]) -> Vec<Range<usize>> {
     let mut start = 0;
     values
         .chunk_by(|a, b| a == b)

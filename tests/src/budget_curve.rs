@@ -13,7 +13,7 @@ use localizer::local_map::LocalMap;
 use localizer::output::Recorded;
 use localizer::projection::ImageSize;
 use localizer::run::{FrameFeatures, Localizer, Method, localize};
-use mapper::budget::{Detail, Known};
+use mapper::budget::{Coder, Detail, Known};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
@@ -123,24 +123,9 @@ pub enum Naive {
 ///
 /// # Errors
 /// As [`SemanticMap::encode`].
-pub fn naive(whole: Known<'_>, detail: &Detail, budget_bytes: usize, order: Naive) -> Result<SemanticMap, String> {
+pub fn naive(whole: Known<'_>, detail: &Detail, budget_bytes: usize, order: Naive) -> mapper::Result<SemanticMap> {
     let (map, _) = detail.applied(whole);
-    let options = EncodeOptions { quantum_m: detail.quantum_m };
-    let bytes = |map: &SemanticMap| map.encode(&options).map(|bytes| bytes.len()).map_err(|error| error.to_string());
-    let mut kept = SemanticMap { roads: map.roads.clone(), frame_note: map.frame_note.clone(), ..Default::default() };
-    let with = |kept: &SemanticMap, landmark: usize| {
-        let mut kept = kept.clone();
-        let (poles, signs) = (map.poles.len(), map.signs.len());
-        if landmark < poles {
-            kept.poles.push(map.poles[landmark]);
-        } else if landmark < poles + signs {
-            kept.signs.push(map.signs[landmark - poles]);
-        } else {
-            kept.lanes.push(map.lanes[landmark - poles - signs].clone());
-        }
-        kept
-    };
-    let empty = bytes(&kept)?;
+    let coder = Coder::new(&map, detail.quantum_m);
     let sizes =
         map.poles.iter().map(common::map::Pole::length_m).chain(map.signs.iter().map(|sign| sign.size_m)).chain(
             map.lanes.iter().map(|lane| lane.points_map.windows(2).map(|ends| (ends[1] - ends[0]).norm()).sum()),
@@ -151,16 +136,18 @@ pub fn naive(whole: Known<'_>, detail: &Detail, budget_bytes: usize, order: Naiv
         Naive::Random => landmarks.shuffle(&mut Pcg64::seed_from_u64(1)),
         Naive::ByCount => {
             for (cost, landmark) in &mut landmarks {
-                *cost = (bytes(&with(&kept, *landmark))? - empty) as f64;
+                *cost = coder.file_bytes(&[*landmark])? as f64;
             }
             landmarks.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         }
     }
+    let mut kept = Vec::new();
     for (_, landmark) in landmarks {
-        let more = with(&kept, landmark);
-        if bytes(&more)? <= budget_bytes {
-            kept = more;
+        kept.push(landmark);
+        if coder.file_bytes(&kept)? > budget_bytes {
+            kept.pop();
         }
     }
-    SemanticMap::decode(&kept.encode(&options).map_err(|error| error.to_string())?).map_err(|error| error.to_string())
+    let options = EncodeOptions { quantum_m: detail.quantum_m };
+    Ok(SemanticMap::decode(&coder.map_of(&kept).encode(&options)?)?)
 }

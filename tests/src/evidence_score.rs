@@ -6,10 +6,17 @@ use fixtures::truth::Truth;
 use mapper::evidence::{MapEvidence, PointEvidence};
 use nalgebra::{Point2, Point3, Vector3};
 
-use crate::matching::one_to_one;
+use crate::matching::{above, one_to_one};
 
 /// Landmarks of map and truth are the same within this, metres.
 const WITHIN_M: f64 = 0.5;
+/// A sample of a lane line within this of a true one is of it, metres: two of
+/// a double line are about as far apart.
+const LINE_WITHIN_M: f64 = 0.3;
+/// Distance of the samples of lane lines, metres.
+const SAMPLE_M: f64 = 2.0;
+/// Median of the absolute value of a standard normal deviate.
+const MEDIAN_DEVIATE: f64 = 0.6745;
 
 /// Errors of one class against what they are said to be.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -39,7 +46,7 @@ impl Normalised {
             rms_m: rms(&|p| p.0),
             said_m: rms(&|p| p.1),
             ratio: rms(&|p| p.0 / p.1),
-            median_ratio: ratios.get(ratios.len() / 2).copied().unwrap_or(0.0) / 0.6745,
+            median_ratio: ratios.get(ratios.len() / 2).copied().unwrap_or(0.0) / MEDIAN_DEVIATE,
         }
     }
 }
@@ -103,7 +110,6 @@ fn points(
     found: &[(Point3<f64>, &PointEvidence)],
     wanted: &[Point3<f64>],
 ) -> [(&'static str, Normalised); 2] {
-    let above = |p: &Point3<f64>| Point2::new(p.x, p.z);
     let at: Vec<Point2<f64>> = found.iter().map(|(p, _)| above(p)).collect();
     let (mut across, mut height) = (Vec::new(), Vec::new());
     for (f, w) in one_to_one(&at, &wanted.iter().map(above).collect::<Vec<_>>(), WITHIN_M) {
@@ -122,7 +128,7 @@ fn points(
 fn samples(lane: &LaneLine) -> Vec<Point3<f64>> {
     let edge = |ends: &[Point3<f64>]| {
         let (from, along) = (ends[0], ends[1] - ends[0]);
-        let steps = (along.norm() / 2.0).ceil().max(1.0);
+        let steps = (along.norm() / SAMPLE_M).ceil().max(1.0);
         (0..steps as usize).map(move |i| from + along * ((i as f64 + 0.5) / steps))
     };
     lane.points_map.windows(2).flat_map(edge).collect()
@@ -140,7 +146,7 @@ fn beside(p: &Point3<f64>, lines: &[Vec<Point3<f64>>]) -> Option<(f64, f64)> {
         (off.x.hypot(off.z), off.y)
     };
     let nearest = lines.iter().flat_map(|line| line.windows(2)).map(off).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (nearest.0 < 0.3).then_some(nearest)
+    (nearest.0 < LINE_WITHIN_M).then_some(nearest)
 }
 
 #[cfg(test)]

@@ -8,6 +8,8 @@ use common::kitti::{Sequence, read_scan};
 use common::map::{PoleKind, SemanticMap};
 use nalgebra::{Point2, Point3, Vector2};
 
+use crate::matching::above;
+
 /// Labels of `SemanticKITTI`.
 const LANE_MARKING: u16 = 60;
 const TRUNK: u16 = 71;
@@ -208,10 +210,6 @@ fn labelled_poles(points: &[(Point3<f64>, u16)], map: &SemanticMap) -> Vec<Label
         poles.push(LabelledPole { at, points: members.len(), height_m: high - low, is_found });
     }
     poles
-}
-
-fn above(p: &Point3<f64>) -> Point2<f64> {
-    Point2::new(p.x, p.z)
 }
 
 fn off_segment_m(p: &Point3<f64>, a: &Point3<f64>, b: &Point3<f64>) -> f64 {

@@ -1,6 +1,7 @@
 //! What the demo, the scores and the end-to-end tests share.
 
 pub mod budget_curve;
+pub mod cli;
 pub mod data;
 pub mod evidence_score;
 pub mod labels;

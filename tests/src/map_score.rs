@@ -5,7 +5,7 @@ use common::map::{LaneLine, Pole, PoleKind, SemanticMap, Sign, SignKind};
 use fixtures::truth::{TruePole, Truth};
 use nalgebra::{Matrix3, Point2, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use crate::matching::one_to_one;
+use crate::matching::{above, one_to_one};
 
 /// Poles of map and truth are the same within this, metres: half the spacing of
 /// the densest bollards.
@@ -126,14 +126,11 @@ pub fn moved(map: &SemanticMap, to_from_map: &Pose) -> SemanticMap {
     for sign in &mut map.signs {
         sign.centroid_map = to_from_map * sign.centroid_map;
     }
-    for point in map.lanes.iter_mut().flat_map(|lane| &mut lane.points_map) {
+    let lanes = map.lanes.iter_mut().flat_map(|lane| &mut lane.points_map);
+    for point in lanes.chain(map.roads.iter_mut().flat_map(|road| &mut road.path_map)) {
         *point = to_from_map * *point;
     }
     map
-}
-
-fn above(p: &Point3<f64>) -> Point2<f64> {
-    Point2::new(p.x, p.z)
 }
 
 fn middle(foot: &Point3<f64>, top: &Point3<f64>) -> Point2<f64> {

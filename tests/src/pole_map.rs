@@ -9,7 +9,7 @@ use common::map::SemanticMap;
 use common::{Error, Result};
 use nalgebra::{Point2, Point3};
 
-use crate::matching::one_to_one;
+use crate::matching::{above, one_to_one};
 
 /// Poles farther from the driven path than this do not count, metres.
 pub const BESIDE_PATH_M: f64 = 15.0;
@@ -104,10 +104,6 @@ fn driven(map: &SemanticMap, trajectory: &[Pose]) -> Option<(usize, usize)> {
 
 fn centre(map_from_camera: &Pose) -> Point3<f64> {
     map_from_camera.translation.vector.into()
-}
-
-fn above(p: &Point3<f64>) -> Point2<f64> {
-    Point2::new(p.x, p.z)
 }
 
 /// Reads `x,y` rows under a header: metres in the first Velodyne frame.

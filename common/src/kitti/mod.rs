@@ -13,7 +13,7 @@ mod sequence;
 mod tests;
 
 pub use calibration::{Calibration, write_calibration};
-pub use oxts::{Packet, mercator_poses};
+pub use oxts::Packet;
 pub use raw::{RawDrive, RawSurvey};
 pub use scan::{Scan, ScanPoint, read_scan, write_scan};
 pub use sequence::{Sequence, read_poses, read_times, write_poses, write_times};

@@ -13,6 +13,9 @@ use crate::{Error, Result, text};
 const NUMBERS: usize = 30;
 /// Radius of the development kit's sphere, metres: the Earth's at the equator.
 const EARTH_RADIUS_M: f64 = 6_378_137.0;
+/// Farthest place from the equator, degrees: towards the poles Mercator's
+/// ordinate grows without end, and the usual maps stop here.
+const MAX_LATITUDE_DEG: f64 = 85.0;
 
 /// Where a navigation unit was, and how it lay.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,7 +52,7 @@ impl Packet {
         let first: Vec<&str> = row.split_whitespace().take(6).collect();
         let [latitude_deg, longitude_deg, altitude_m, roll_rad, pitch_rad, yaw_rad] =
             text::numbers(path, line, &first.join(" "))?;
-        if latitude_deg.abs() > 85.0 || longitude_deg.abs() > 180.0 {
+        if latitude_deg.abs() > MAX_LATITUDE_DEG || longitude_deg.abs() > 180.0 {
             return Err(bad(format!("{latitude_deg} N {longitude_deg} E is no place that the projection can show")));
         }
         Ok(Self { latitude_deg, longitude_deg, altitude_m, roll_rad, pitch_rad, yaw_rad })
@@ -63,7 +66,7 @@ impl Packet {
 ///
 /// It is no map of the ellipsoid: at 49 degrees it is 0.2 % short in the east
 /// and 0.1 % long in the north.
-pub fn mercator_poses(packets: &[Packet]) -> Vec<Pose> {
+pub(super) fn mercator_poses(packets: &[Packet]) -> Vec<Pose> {
     let Some(first) = packets.first() else { return Vec::new() };
     let radius_m = EARTH_RADIUS_M * first.latitude_deg.to_radians().cos();
     packets

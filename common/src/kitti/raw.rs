@@ -76,7 +76,7 @@ impl RawDrive {
     ///
     /// # Errors
     /// [`Error::BadStamp`] or [`Error::TimeOrder`] at their line,
-    /// [`Error::NoPoses`] where there is none, [`Error::Io`] where the file
+    /// [`Error::BadPacket`] where there is none, [`Error::Io`] where the file
     /// cannot be read.
     pub fn times_s(&self) -> Result<Vec<f64>> {
         let path = self.folder.join("oxts/timestamps.txt");
@@ -97,7 +97,7 @@ impl RawDrive {
             times.push(time_s);
         }
         if times.is_empty() {
-            return Err(Error::NoPoses { path });
+            return Err(Error::BadPacket { path, what: "it holds no stamp".into() });
         }
         Ok(times)
     }
@@ -125,7 +125,8 @@ impl RawDrive {
         let data = self.folder.join("oxts/data");
         let packets: Vec<Packet> =
             (0..frames).map(|frame| Packet::read(&data.join(format!("{frame:010}.txt")))).collect::<Result<_>>()?;
-        let first = *packets.first().ok_or(Error::NoPoses { path: data })?;
+        let no_packet = || Error::BadPacket { path: data, what: "it holds no packet".into() };
+        let first = *packets.first().ok_or_else(no_packet)?;
         let unit_from_camera = camera_from_unit.inverse();
         let enu_from_camera: Vec<Pose> =
             mercator_poses(&packets).iter().map(|enu_from_unit| enu_from_unit * unit_from_camera).collect();
@@ -173,7 +174,7 @@ mod tests {
         // Camera axes of a lidar that looks ahead; rectified by a quarter turn.
         write("calib_velo_to_cam.txt", "calib_time: x\nR: 0 -1 0 0 0 -1 1 0 0\nT: 0 -0.08 -0.27\n");
         write("calib_imu_to_velo.txt", "calib_time: x\nR: 1 0 0 0 1 0 0 0 1\nT: -0.8 0.3 -0.8\n");
-        write("calib_cam_to_cam.txt", "calib_time: x\nR_rect_00: 1 0 0 0 1 0 0 0 1\n");
+        write("calib_cam_to_cam.txt", "calib_time: x\nR_rect_00: 0 -1 0 1 0 0 0 0 1\n");
         let stamps = ["23:59:59.95", "00:00:00.05", "00:00:00.15"];
         let stamps: Vec<String> = stamps
             .iter()
@@ -204,6 +205,9 @@ mod tests {
         assert!((ahead - Vector3::new(0.0, 0.0, 1.4607)).norm() < 1e-3, "{ahead}");
         let east = survey.enu_from_map.rotation * Vector3::z();
         assert!((east - Vector3::x()).norm() < 1e-9, "{east}");
+        // By the quarter turn what was up is right.
+        let up = survey.enu_from_map.rotation * Vector3::x();
+        assert!((up - Vector3::z()).norm() < 1e-9, "{up}");
     }
 
     #[test]
@@ -228,7 +232,7 @@ mod tests {
         let wrong = said("d_sync/oxts/timestamps.txt", "2011-09-30 12:00:01.0\n2011-09-30 12:00:00.5\n");
         assert!(wrong.contains("timestamps.txt:2: the time -0.5 s is not after"), "{wrong}");
         let wrong = said("d_sync/oxts/timestamps.txt", "");
-        assert!(wrong.contains("timestamps.txt holds no pose"), "{wrong}");
+        assert!(wrong.contains("timestamps.txt: it holds no stamp; take the file"), "{wrong}");
         let elsewhere = RawDrive::open(day.path(), None).unwrap_err().to_string();
         assert!(elsewhere.contains("holds no folder `velodyne_points/data`"), "{elsewhere}");
     }

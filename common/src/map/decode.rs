@@ -27,8 +27,17 @@ impl SemanticMap {
 /// # Errors
 /// As [`SemanticMap::decode`].
 pub fn layout(bytes: &[u8]) -> Result<MapLayout> {
+    decode_with_layout(bytes).map(|(_, layout)| layout)
+}
+
+/// [`SemanticMap::decode`] and [`layout`] in one go.
+///
+/// # Errors
+/// As [`SemanticMap::decode`].
+pub fn decode_with_layout(bytes: &[u8]) -> Result<(SemanticMap, MapLayout)> {
     let (map, layout) = decode(bytes)?;
-    Ok(MapLayout { bounds: map.bounds(), ..layout })
+    let bounds = map.bounds();
+    Ok((map, MapLayout { bounds, ..layout }))
 }
 
 fn decode(bytes: &[u8]) -> Result<(SemanticMap, MapLayout)> {

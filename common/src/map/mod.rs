@@ -22,7 +22,7 @@ mod wire;
 
 pub use ascii::ascii;
 pub use bounds::Bounds;
-pub use decode::layout;
+pub use decode::{decode_with_layout, layout};
 pub use file::{read, write};
 pub use layout::{MapLayout, SectionSize};
 pub use model::{LaneKind, LaneLine, Pole, PoleKind, Road, RoadId, SemanticMap, Sign, SignKind};

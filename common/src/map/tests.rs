@@ -44,11 +44,14 @@ fn resealed(bytes: &[u8]) -> Vec<u8> {
     envelope::seal(&bytes[envelope::PREFIX_BYTES..bytes.len() - envelope::CHECKSUM_BYTES]).unwrap()
 }
 
-/// The hex dump of the worked example: what stands before `|` on the lines of
-/// the first code block that has such a column.
 fn documented_example() -> Vec<u8> {
-    include_str!("../../FORMAT.md")
-        .split("```")
+    hex_dump(include_str!("../../FORMAT.md"))
+}
+
+/// The hex dump on a page that describes a format: what stands before `|` on
+/// the lines of its first block of hex.
+pub(super) fn hex_dump(page: &str) -> Vec<u8> {
+    page.split("```")
         .find_map(|block| block.strip_prefix("hex\n"))
         .unwrap()
         .lines()

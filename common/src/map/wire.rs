@@ -14,7 +14,7 @@ use crate::{Error, Result};
 
 /// Most memory that one section may ask for, bytes. Nothing is allocated
 /// ahead of the bytes that fill it, so this only ends absurd counts early.
-const DECODE_LIMIT: usize = 1 << 28;
+pub(super) const DECODE_LIMIT: usize = 1 << 28;
 
 /// A list: its length, then its items.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -64,7 +64,13 @@ pub(super) fn area_of(cells: &Cells) -> Area {
     Area { min_xz, max_xz }
 }
 
+/// Whether the tile at byte `offset` of the atlas is one of `places`.
+fn is_held(places: &[(TilePlace, u64)], offset: u64) -> bool {
+    places.binary_search_by_key(&offset, |(place, _)| place.offset()).is_ok()
+}
+
 impl Surroundings {
+    /// An atlas of which nothing is held yet.
     pub fn new(atlas: Atlas, config: LocalMapConfig) -> Self {
         Self {
             atlas,
@@ -83,6 +89,7 @@ impl Surroundings {
         reach_m.min(self.config.max_reach_m)
     }
 
+    /// What was read so far.
     pub fn usage(&self) -> Usage {
         Usage { bytes_read: self.atlas.bytes_read(), ..self.usage }
     }
@@ -102,6 +109,8 @@ impl Surroundings {
         Ok(())
     }
 
+    /// Drops the tiles that were left behind, and reads the nearest of those
+    /// ahead.
     pub fn next_frame(&mut self, held: &mut Vec<Held>) -> Result<()> {
         self.frame += 1;
         let Some(asked) = self.asked else { return Ok(()) };
@@ -117,8 +126,7 @@ impl Surroundings {
             stays
         });
         if held.len() != self.places.len() {
-            let places = &self.places;
-            held.retain(|held| places.binary_search_by_key(&held.tile, |(place, _)| place.offset()).is_ok());
+            held.retain(|held| is_held(&self.places, held.tile));
         }
         self.know(&asked.grown(0.5 * self.config.prefetch_m))?;
         let nearest = (0..self.waiting.len())
@@ -133,10 +141,8 @@ impl Surroundings {
             return Ok(());
         }
         let wide = area.grown(self.config.prefetch_m);
-        let is_held =
-            |place: &TilePlace| self.places.binary_search_by_key(&place.offset(), |(p, _)| p.offset()).is_ok();
         let mut found = self.atlas.tiles_in(&wide)?;
-        found.retain(|place| !is_held(place));
+        found.retain(|place| !is_held(&self.places, place.offset()));
         self.waiting = found;
         self.known = Some(wide);
         Ok(())

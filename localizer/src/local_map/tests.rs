@@ -39,6 +39,8 @@ fn only_near_roads_are_found_and_their_landmarks() {
     // No vertex of road 1 is near here, but its edge is.
     assert_eq!(poles_near(3.0, 600.0), [[0]]);
     assert!(poles_near(5e4, 600.0).is_empty());
+    let unknown = RoadKey { number: 99, tile: 0, road: 99 };
+    assert!(map.poles(unknown).next().is_none() && map.path(unknown).is_empty());
 }
 
 #[test]

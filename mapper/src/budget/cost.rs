@@ -51,7 +51,7 @@ impl<'a> Coder<'a> {
         self.map.lanes.get(landmark.checked_sub(poles + signs)?).map(Landmark::Lane)
     }
 
-    /// The map of some landmarks (ascending indices), all roads in it.
+    /// The map of some landmarks, in this order, all roads in it.
     pub fn map_of(&self, landmarks: &[usize]) -> SemanticMap {
         let mut map = without_landmarks(self.map);
         for landmark in landmarks {
@@ -66,12 +66,18 @@ impl<'a> Coder<'a> {
     }
 
     /// Bytes of the file of some landmarks.
+    ///
+    /// # Errors
+    /// As [`SemanticMap::encode`].
     pub fn file_bytes(&self, landmarks: &[usize]) -> Result<usize> {
         Ok(self.map_of(landmarks).encode(&self.options)?.len())
     }
 
     /// Bytes of the landmarks of one group in their section, encoded on their
     /// road alone.
+    ///
+    /// # Errors
+    /// As [`SemanticMap::encode`].
     pub fn group_bytes(&self, landmarks: &[usize]) -> Result<usize> {
         let mut map = SemanticMap::default();
         for landmark in landmarks {

@@ -12,14 +12,17 @@ mod detail;
 mod places;
 mod select;
 mod sight;
+mod stored;
 
 use common::map::{EncodeOptions, SemanticMap};
 use serde::Serialize;
 
 pub use accuracy::{Accuracy, Figure, predict};
 pub use config::{BudgetConfig, Camera, Found};
+pub use cost::Coder;
 pub use detail::Detail;
 pub use places::Places;
+pub use stored::Stored;
 
 use crate::error::{Error, Result};
 use crate::evidence::MapEvidence;

@@ -1,11 +1,10 @@
 //! Places along the roads, each with a camera that looks down the road.
 
-use std::collections::BTreeMap;
-
 use common::map::Road;
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::BudgetConfig;
+use crate::fuse::Buckets;
 
 /// A camera on the road: x right, y down, z forward, as the map's frame.
 #[derive(Debug, Clone, Copy)]
@@ -30,15 +29,11 @@ impl Place {
 pub struct Places {
     /// In driving order.
     pub list: Vec<Place>,
-    cells: BTreeMap<(i64, i64), Vec<usize>>,
+    cells: Buckets,
 }
 
 /// Edge of the cells by which places are found, metres.
 const CELL_M: f64 = 50.0;
-
-fn cell(x: f64, z: f64) -> (i64, i64) {
-    ((x / CELL_M).floor() as i64, (z / CELL_M).floor() as i64)
-}
 
 impl Places {
     /// Places along roads, in their driving direction.
@@ -61,22 +56,16 @@ impl Places {
                 }
             }
         }
-        let mut cells: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
-        for (index, place) in list.iter().enumerate() {
-            cells.entry(cell(place.centre_map.x, place.centre_map.z)).or_default().push(index);
-        }
+        let cells = Buckets::of(CELL_M, list.iter().map(|place| &place.centre_map));
         Self { list, cells }
     }
 
     /// Indices of the places within about `reach_m` (whole cells) of any of
     /// some points, ascending.
     pub fn near(&self, points_map: impl Iterator<Item = Point3<f64>>, reach_m: f64) -> Vec<usize> {
-        let mut found = Vec::new();
+        let mut found: Vec<usize> = Vec::new();
         for p in points_map {
-            let (low, high) = (cell(p.x - reach_m, p.z - reach_m), cell(p.x + reach_m, p.z + reach_m));
-            for x in low.0..=high.0 {
-                found.extend(self.cells.range((x, low.1)..=(x, high.1)).flat_map(|(_, places)| places));
-            }
+            found.extend(self.cells.near(&p, reach_m));
         }
         found.sort_unstable();
         found.dedup();

@@ -1,13 +1,13 @@
-//! `mapper atlas`, and the commands that look at a map where it is an atlas.
+//! `mapper atlas`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use common::map::atlas::AtlasOptions;
 use indicatif::ProgressBar;
 
-use super::{Outcome, print, print_json};
-use crate::atlas::{AtlasInspection, make};
+use super::{Outcome, print};
+use crate::atlas::make;
 use crate::error::Result;
 
 /// Put maps into one file, of which a localizer loads what is around it.
@@ -58,14 +58,4 @@ impl MakeAtlas {
         ));
         Ok(Outcome::Done)
     }
-}
-
-pub fn inspect(atlas: &Path, json: bool) -> Result<Outcome> {
-    let inspection = AtlasInspection::of_file(atlas)?;
-    if json {
-        print_json(&inspection)?;
-    } else {
-        print(&format!("{}: {}", atlas.display(), inspection.text()));
-    }
-    Ok(Outcome::Done)
 }

@@ -90,8 +90,8 @@ impl Merge {
             return Ok(Outcome::Done);
         }
         if repeated > 0 {
-            let times = if repeated == 1 { "one map was" } else { "some maps were" };
-            print(&format!("{times} given more than once and counted once\n"));
+            let which = if repeated == 1 { "one map was" } else { "some maps were" };
+            print(&format!("{which} given more than once and counted once\n"));
         }
         print(&merged.report.text());
         let road_m = road_length_m(&merged.map);

@@ -3,16 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use common::map::{SemanticMap, layout};
-use common::{atomic_file, config};
+use common::atomic_file;
 use serde::Serialize;
 
 use super::{Outcome, print, print_json};
-use crate::budget::{Accuracy, BudgetConfig, Counts, Detail, Known, reduce};
-use crate::config::Config;
+use crate::budget::{Accuracy, Counts, Detail, Stored, reduce};
 use crate::error::Result;
-use crate::evidence::MapEvidence;
-use crate::report::{BuildReport, checksum, read_beside, write_beside};
+use crate::report::{BuildReport, checksum, write_beside};
 
 /// Write a map within a budget of bytes: of its landmarks those that localize
 /// best.
@@ -47,51 +44,10 @@ struct Summary<'a> {
     predicted: Accuracy,
 }
 
-/// A map file with what its report says about it.
-pub struct Stored {
-    /// The map.
-    pub map: SemanticMap,
-    /// How well its landmarks are known, or is assumed.
-    pub evidence: MapEvidence,
-    /// Step of its coordinates, metres.
-    pub quantum_m: f64,
-    /// Length of its file, bytes.
-    pub bytes: usize,
-    /// The report beside it.
-    pub report: Option<BuildReport>,
-    /// The settings of the budget.
-    pub config: BudgetConfig,
-}
-
-impl Stored {
-    /// Reads a map, the report beside it, and settings.
-    ///
-    /// # Errors
-    /// A file that cannot be read or is not what it should be.
-    pub fn read(path: &Path, settings: Option<&PathBuf>) -> Result<Self> {
-        let settings: Config = settings.map_or_else(|| Ok(Config::default()), config::load)?;
-        let bytes = std::fs::read(path).map_err(common::Error::io(path))?;
-        let map = SemanticMap::decode(&bytes).map_err(common::Error::in_file(path))?;
-        let quantum_m = layout(&bytes).map_err(common::Error::in_file(path))?.quantum_m;
-        let report = read_beside(path, &bytes)?;
-        let evidence = report
-            .as_ref()
-            .map(|report| report.evidence.clone())
-            .filter(|evidence| evidence.fits(&map))
-            .unwrap_or_else(|| MapEvidence::assumed(&map, &settings.evidence));
-        Ok(Self { map, evidence, quantum_m, bytes: bytes.len(), report, config: settings.budget })
-    }
-
-    /// What a reduction starts from.
-    pub fn known(&self) -> Known<'_> {
-        Known { map: &self.map, evidence: &self.evidence, quantum_m: self.quantum_m }
-    }
-}
-
 impl Reduce {
     /// Runs the command.
     pub fn run(&self) -> Result<Outcome> {
-        let stored = Stored::read(&self.map, self.config.as_ref())?;
+        let stored = Stored::read(&self.map, self.config.as_deref())?;
         let reduced = reduce(stored.known(), self.budget, &stored.config)?;
         atomic_file::write(&self.out, &reduced.bytes)?;
         if let Some(report) = stored.report {

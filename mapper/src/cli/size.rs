@@ -7,10 +7,9 @@ use clap::Args;
 use common::map::atlas::is_atlas;
 use serde::Serialize;
 
-use super::reduce::Stored;
 use super::{Outcome, print, print_json};
 use crate::atlas::AtlasInspection;
-use crate::budget::{Accuracy, Counts, Detail, reduce};
+use crate::budget::{Accuracy, Counts, Detail, Figure, Stored, reduce};
 use crate::error::{Error, Result};
 use crate::inspect::Inspection;
 
@@ -84,7 +83,7 @@ impl Size {
     }
 
     fn rows(&self) -> Result<Vec<CurveRow>> {
-        let stored = Stored::read(&self.map, self.config.as_ref())?;
+        let stored = Stored::read(&self.map, self.config.as_deref())?;
         let sizes: &[usize] = if self.at.is_empty() { &SIZES } else { &self.at };
         let sizes = sizes.iter().copied().map(Some).chain([None]);
         let row = |budget_bytes: Option<usize>| {
@@ -125,7 +124,7 @@ fn table(rows: &[CurveRow]) -> String {
         let _ = match &row.map {
             None => writeln!(out, "{budget:>6}  the roads alone take more"),
             Some(map) => {
-                let pair = |figure: crate::budget::Figure, scale: f64| {
+                let pair = |figure: Figure, scale: f64| {
                     format!("{:>7.3} {:>6.3}", figure.median * scale, figure.worst * scale)
                 };
                 writeln!(

@@ -5,7 +5,7 @@ use nalgebra::{Point2, Point3, Vector1};
 
 use super::scatter::{Components, Scatter};
 use super::{EvidenceConfig, LineEvidence};
-use crate::cloud::{Cloud, CloudPoint};
+use crate::cloud::{ByCell, Cloud, CloudPoint};
 use crate::config::Config;
 use crate::grid::Grid;
 
@@ -13,9 +13,7 @@ use crate::grid::Grid;
 pub struct LinePoints {
     points: Vec<(Point3<f64>, u16)>,
     grid: Grid,
-    /// Indices of the points by cell of the grid, and where each cell begins.
-    by_cell: Vec<u32>,
-    starts: Vec<u32>,
+    by_cell: ByCell,
 }
 
 /// Edge of the cells, metres: a few times the reach of a line.
@@ -37,31 +35,19 @@ impl LinePoints {
             (low, high) = if k == 0 { (at, at) } else { (low.inf(&at), high.sup(&at)) };
         }
         let grid = Grid::covering(low, high, CELL_M);
-        let cell = |p: &Point3<f64>| grid.index(&Point2::new(p.x, p.z));
-        let mut order: Vec<(usize, u32)> =
-            points.iter().zip(0..).filter_map(|((p, _), i)| Some((cell(p)?, i))).collect();
-        order.sort_unstable();
-        let starts = (0..=grid.len()).map(|c| order.partition_point(|(cell, _)| *cell < c) as u32).collect();
-        Self { points, by_cell: order.into_iter().map(|(_, i)| i).collect(), starts, grid }
+        let by_cell = ByCell::new(&points, &grid, |(p, _)| grid.index(&Point2::new(p.x, p.z)));
+        Self { points, grid, by_cell }
     }
 
     /// Points near map (x, z).
     fn near(&self, at: &Point2<f64>) -> impl Iterator<Item = &(Point3<f64>, u16)> {
-        let span = |c: usize, n: usize| c.saturating_sub(1)..(c + 2).min(n);
-        self.grid.cell(at).into_iter().flat_map(move |(x, z)| {
-            span(z, self.grid.height).flat_map(move |z| {
-                span(x, self.grid.width).flat_map(move |x| {
-                    let cell = z * self.grid.width + x;
-                    let range = self.starts[cell] as usize..self.starts[cell + 1] as usize;
-                    self.by_cell[range].iter().map(|i| &self.points[*i as usize])
-                })
-            })
-        })
+        self.by_cell.near(at, 1, &self.grid).map(move |i| &self.points[i])
     }
 }
 
-/// Across and in height: how well the line follows the paint of each piece,
-/// and how well the scans that painted it agree there.
+/// How well a lane line is known, from the paint of its cloud, across and in
+/// height: how well the line follows the paint of each piece, and how well the
+/// scans that painted it agree there.
 pub fn of_lane(paint: &LinePoints, lane: &LaneLine, config: &EvidenceConfig) -> LineEvidence {
     let (mut lateral, mut vertical) = (Scatter::<1>::default(), Scatter::<1>::default());
     let mut station_m = 0.0;

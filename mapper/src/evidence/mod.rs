@@ -13,16 +13,15 @@ mod poles;
 mod scatter;
 mod signs;
 
-use common::map::{LaneLine, Pole, SemanticMap, Sign};
+use common::map::SemanticMap;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 pub use book::EvidenceBook;
 pub use config::EvidenceConfig;
-pub use lanes::LinePoints;
-
-use crate::cloud::Cloud;
-use crate::lidar::LidarConfig;
+pub use lanes::{LinePoints, of_lane};
+pub use poles::of_pole;
+pub use signs::of_sign;
 
 /// How well the landmarks of a map are known, in the order in which they are
 /// decoded from its file.
@@ -109,19 +108,4 @@ impl MapEvidence {
             && self.signs.len() == map.signs.len()
             && self.lanes.len() == map.lanes.len()
     }
-}
-
-/// How well the foot of a pole is known, from the cloud that it was found in.
-pub fn of_pole(cloud: &Cloud, pole: &Pole, config: &EvidenceConfig) -> PointEvidence {
-    poles::of_pole(cloud, pole, config)
-}
-
-/// How well the centroid of a sign is known, likewise.
-pub fn of_sign(cloud: &Cloud, sign: &Sign, config: &EvidenceConfig, lidar: &LidarConfig) -> PointEvidence {
-    signs::of_sign(cloud, sign, config, lidar)
-}
-
-/// How well a lane line is known, from the paint of its cloud.
-pub fn of_lane(paint: &LinePoints, lane: &LaneLine, config: &EvidenceConfig) -> LineEvidence {
-    lanes::of_lane(paint, lane, config)
 }

@@ -15,6 +15,8 @@ struct Hit {
     scan: u16,
 }
 
+/// How well the foot of a pole is known, from the cloud that it was found in.
+///
 /// The foot is the axis at the height of the ground: the error of the axis
 /// where its hits are (their scatter, and the surface that hides it), carried
 /// down with that of its slope.

@@ -14,6 +14,9 @@ const BRIGHT: f32 = 0.7;
 /// Fewest points to go by.
 const FEWEST: usize = 5;
 
+/// How well the centroid of a sign is known, from the cloud that it was found
+/// in.
+///
 /// A plate's centroid is the middle of its outline. Along the view it errs as
 /// its scans do; across and in height its edges lie between two beams, or
 /// beyond the lidar's field of view.

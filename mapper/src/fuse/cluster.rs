@@ -18,8 +18,8 @@ pub struct Place {
 /// Groups places of different passes that lie within `within_m` of each other,
 /// near ones first: average linkage, so that a chain of neighbours does not
 /// become one. Places of one pass are one within `double_m` only: nearer than
-/// two such things can be. The caller puts the places into an order that is their own; the
-/// groups and the places in them keep it.
+/// two such things can be. The caller puts the places into an order that is
+/// their own; the groups and the places in them keep it.
 pub fn cluster(places: &[Place], within_m: f64, double_m: f64) -> Vec<Vec<usize>> {
     let buckets = Buckets::of(within_m, places.iter().map(|place| &place.point_map));
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();

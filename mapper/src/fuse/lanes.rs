@@ -262,7 +262,7 @@ impl<'a> Fusion<'a> {
         }
     }
 
-    /// Which end of a line (its back?) is within two steps of a point.
+    /// Which end of a line (its back?) is within two and a half steps of a point.
     fn end(&self, line: usize, point: &Point3<f64>) -> Option<bool> {
         let near = |end: Option<Point3<f64>>| end.is_some_and(|e| (e - point).norm() <= 2.5 * self.config.lane_step_m);
         if near(self.end_point(line, true)) { Some(true) } else { near(self.end_point(line, false)).then_some(false) }

@@ -24,6 +24,7 @@ pub use buckets::Buckets;
 pub use cluster::{Place, cluster};
 pub use lanes::{FusedLane, LaneSample, fuse_lanes};
 pub use points::{fuse_poles, fuse_signs};
+pub(crate) use strands::length_m;
 
 /// When two sightings are one landmark, and how they are combined.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -65,6 +66,13 @@ pub struct FuseConfig {
     /// pass and grid of the file. It is added to every covariance, so that many
     /// points of one pass do not outvote another pass.
     pub floor_sigma_m: f64,
+    /// Error of a pole's foot in one scan, metres per axis: registration, range
+    /// and beam. A build weighs by it what the windows of a drive saw twice;
+    /// maps do not say how well their poles are known.
+    pub pole_scan_sigma_m: f64,
+    /// Points of one scan that tell a pole's foot as well as a scan can: with
+    /// fewer, the few points of a far pole do not tell its width.
+    pub pole_scan_points: f64,
 }
 
 impl Default for FuseConfig {
@@ -83,6 +91,8 @@ impl Default for FuseConfig {
             tolerance_m: 0.03,
             default_sigma_m: 0.05,
             floor_sigma_m: 0.03,
+            pole_scan_sigma_m: 0.05,
+            pole_scan_points: 10.0,
         }
     }
 }

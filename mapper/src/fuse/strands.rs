@@ -107,7 +107,8 @@ fn spread(covariance: Option<Matrix3<f64>>) -> f64 {
     covariance.map_or(f64::INFINITY, |p| p.trace())
 }
 
-pub(super) fn length_m(points: &[Point3<f64>]) -> f64 {
+/// Length of a polyline, metres.
+pub(crate) fn length_m(points: &[Point3<f64>]) -> f64 {
     points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
 }
 

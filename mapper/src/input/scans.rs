@@ -9,7 +9,7 @@ use common::kitti::{Scan, read_times};
 use super::Source;
 use super::config::InputConfig;
 use super::formats::ScanFormat;
-use super::survey::{Placement, Poses, SurveyFrame, poses_at};
+use super::survey::{Placement, Poses, SurveyFrame, assumed_times_s, poses_at};
 use crate::drive::{Choice, Drive, Survey};
 use crate::error::{Error, Result};
 use crate::lidar::LidarConfig;
@@ -227,9 +227,7 @@ fn matched(input: &ScanInput, files: Vec<PathBuf>, poses: &Poses, config: &Input
                 None if poses.len() == files.len() => (0..files.len()).collect(),
                 None => return Err(miscounted(poses.len())),
             };
-            // Without times a frame counts as a tenth of a second.
-            let tenths = || (0..poses.len()).map(|frame| frame as f64 * 0.1).collect();
-            let times_s = times_s.filter(|t| t.len() == poses.len()).unwrap_or_else(tenths);
+            let times_s = times_s.filter(|t| t.len() == poses.len()).unwrap_or_else(|| assumed_times_s(poses.len()));
             Ok(Matched { files: frames.into_iter().zip(files).collect(), poses: poses.clone(), times_s, without: 0 })
         }
     }

@@ -23,7 +23,7 @@ use super::beams;
 use super::config::InputConfig;
 use super::formats::las_reader;
 use super::scans::ScanInput;
-use super::survey::{Placement, Poses};
+use super::survey::{Placement, Poses, assumed_times_s};
 use crate::drive::{Choice, Drive, Survey};
 use crate::error::{Error, Result};
 use crate::lidar::LidarConfig;
@@ -130,7 +130,7 @@ pub fn open_stitched(
         slices.full_scale
     ));
     notes.push("a stitched cloud has no single scans: its poses are taken as given, and what moved stays in it".into());
-    let times_s = times_s.unwrap_or_else(|| (0..poses.len()).map(|frame| frame as f64 * 0.1).collect());
+    let times_s = times_s.unwrap_or_else(|| assumed_times_s(poses.len()));
     let survey = Survey { map_from_camera, times_s, camera_from_velodyne: placement.camera_from_velodyne };
     let mut drive = Drive::new(Source::Stitched(slices.into()), &places, survey, choice, max_range_m)?;
     drive.notes = notes;

@@ -115,6 +115,12 @@ impl Poses {
     }
 }
 
+/// Times of a drive of so many frames that has none, seconds: ten frames a
+/// second, as lidars turn.
+pub fn assumed_times_s(frames: usize) -> Vec<f64> {
+    (0..frames).map(|frame| frame as f64 * 0.1).collect()
+}
+
 /// The pose at a time, between two that are not more than `longest_gap_s`
 /// apart; beyond the first and the last not at all.
 pub fn pose_at(rows: &[StampedRow], time_s: f64, longest_gap_s: f64) -> Option<Pose> {

@@ -165,6 +165,10 @@ fn what_a_scan_lacks_is_named() {
     assert!(no_z.contains("FIELDS are `x y t intensity` and lack x, y or z"), "{no_z}");
     assert!(said("b.pcd", &pcd.replace("SIZE 4 4 4 4", "SIZE 4 4 4")).contains("4, 3, 4 and 4 entries"));
     assert!(said("c.pcd", &pcd.replace("SIZE 4", "SIZE 3")).contains("field `x` has type F3"));
+    for count in ["0", "9223372036854775807"] {
+        let said = said("f.pcd", &pcd.replace("COUNT 1 1 1 1", &format!("COUNT 1 1 1 {count}")));
+        assert!(said.contains(&format!("field `intensity` has a COUNT of {count}")), "{said}");
+    }
     assert!(said("d.pcd", &pcd.replace("DATA ascii", "DATA zip")).contains("DATA `zip` is none of"));
     let word = said("e.pcd", &pcd.replace("-1.75 1\n", "up 1\n"));
     assert!(word.contains("line 13: `up` is not a number"), "{word}");

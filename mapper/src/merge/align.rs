@@ -174,8 +174,7 @@ impl<'a> Problem<'a> {
     fn settle(&mut self, gate_m: f64) {
         let scale_m = self.config.landmark_sigma_m.max(gate_m / 5.0);
         let mut equations = self.stiffness();
-        let mut unknowns = std::mem::take(&mut self.field.corrections);
-        self.field.corrections.clone_from(&unknowns);
+        let mut unknowns = self.field.corrections.clone();
         for members in self.shared(gate_m) {
             let places: Vec<Point3<f64>> = members.iter().map(|&m| self.field.place(&self.marks[m].held)).collect();
             let mean = centre(&places);

@@ -94,8 +94,7 @@ pub struct WitnessConfig {
     /// Largest difference in height of path and landmark, metres: other levels
     /// of a road see nothing of it.
     pub height_m: f64,
-    /// Gaps in a lane line up to this length are kept, metres: vehicles hide
-    /// paint.
+    /// Shorter gaps in a lane line are closed, metres: vehicles hide paint.
     pub shortest_gap_m: f64,
 }
 

@@ -6,10 +6,10 @@ use common::map::{LaneLine, RoadId};
 use nalgebra::Point3;
 
 use super::config::MergeConfig;
-use super::length_m;
 use super::report::Counts;
-use super::witness::{Witnesses, missed, stays};
-use crate::fuse::{FusedLane, Sighting};
+use super::witness::{Witnesses, missed};
+use crate::fuse::{FusedLane, Sighting, length_m};
+use crate::roads::runs;
 
 /// By what a line is judged and cut.
 pub struct Rules<'a> {
@@ -36,8 +36,7 @@ pub fn line_parts(
     let step_m = mean_step_m(lane);
     for sample in &lane.samples {
         let near = rules.witnesses.expected(&sample.point_map, &sample.passes, config.witness.lane_m, &config.witness);
-        counts.count(step_m, sample.passes.len(), missed(&sample.passes, &near));
-        keep.push(stays(&sample.passes, &near));
+        keep.push(counts.count(step_m, sample.passes.len(), missed(&sample.passes, &near)));
     }
     let gap = (config.witness.shortest_gap_m / step_m.max(1e-3)) as usize;
     close(&mut keep, gap);
@@ -50,8 +49,8 @@ pub fn line_parts(
             .collect();
     }
     let mut parts = Vec::new();
-    for run in runs(&keep).into_iter().filter(|run| keep.get(run.start) == Some(&true)) {
-        for (road, part) in by_road(lane, &run, rules) {
+    for run in runs(&keep).into_iter().filter(|run| keep[run.start]) {
+        for (road, part) in by_road(lane, &run, step_m, rules) {
             let points_map = lane.part(part, &config.fuse);
             if points_map.len() >= 2 && length_m(&points_map) >= config.fuse.shortest_piece_m {
                 parts.push(LaneLine { kind: lane.kind, points_map, road });
@@ -66,17 +65,7 @@ fn mean_step_m(lane: &FusedLane) -> f64 {
     length_m(&points) / points.len().max(1) as f64
 }
 
-/// Runs of like values.
-fn runs(values: &[bool]) -> Vec<Range<usize>> {
-    let mut start = 0;
-    let run = |same: &[bool]| {
-        start += same.len();
-        start - same.len()..start
-    };
-    values.chunk_by(|a, b| a == b).map(run).collect()
-}
-
-/// Keeps gaps of up to `gap` samples between samples that are kept.
+/// Closes gaps of up to `gap` samples between samples that are kept.
 fn close(keep: &mut [bool], gap: usize) {
     for run in runs(keep) {
         if run.len() <= gap && run.start > 0 && run.end < keep.len() {
@@ -93,25 +82,23 @@ pub fn on_nearest_road(line: &LaneLine, road_of: &dyn Fn(&Point3<f64>) -> RoadId
     LaneLine { road: centre.map_or(line.road, |centre| road_of(&centre)), ..line.clone() }
 }
 
-/// Cuts a run of samples where another road is nearer.
-fn by_road(lane: &FusedLane, run: &Range<usize>, rules: &Rules) -> Vec<(RoadId, Range<usize>)> {
+/// Cuts a run of samples, `step_m` apart, where another road is nearer.
+fn by_road(lane: &FusedLane, run: &Range<usize>, step_m: f64, rules: &Rules) -> Vec<(RoadId, Range<usize>)> {
     let road_at = |index: usize| (rules.road_of)(&lane.samples[index].point_map);
     let roads: Vec<RoadId> = run.clone().map(road_at).collect();
-    let least = (rules.config.fuse.shortest_piece_m / mean_step_m(lane).max(1e-3)).ceil() as usize + 1;
+    let least = (rules.config.fuse.shortest_piece_m / step_m.max(1e-3)).ceil() as usize + 1;
     let mut parts: Vec<(RoadId, Range<usize>)> = Vec::new();
-    let mut start = run.start;
-    for same in roads.chunk_by(|a, b| a == b) {
-        let range = start..start + same.len();
-        start = range.end;
+    for same in runs(&roads) {
+        let (road, range) = (roads[same.start], run.start + same.start..run.start + same.end);
         match parts.last_mut() {
             // Short parts go with the one before.
-            Some(last) if range.len() < least || last.0 == same[0] => last.1.end = range.end,
+            Some(last) if range.len() < least || last.0 == road => last.1.end = range.end,
             // Parts share the sample at which they are cut.
             Some(last) => {
                 let from = last.1.end - 1;
-                parts.push((same[0], from..range.end));
+                parts.push((road, from..range.end));
             }
-            None => parts.push((same[0], range)),
+            None => parts.push((road, range)),
         }
     }
     parts

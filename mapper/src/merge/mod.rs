@@ -35,7 +35,7 @@ pub use report::{Counts, MergeReport, SourceReport};
 pub use roads::{Nearest, added_roads};
 pub use source::{Source, Sources, path_beside};
 
-use crate::fuse::{Fused, Sighting, fuse_lanes, fuse_poles, fuse_signs};
+use crate::fuse::{Fused, Sighting, fuse_lanes, fuse_poles, fuse_signs, length_m};
 use align::{Alignment, align};
 use lines::{Rules, line_parts, on_nearest_road};
 use roads::Union;
@@ -232,8 +232,4 @@ fn note(sources: &[Source]) -> String {
         first = letters.as_str();
     }
     format!("{first}{more}")
-}
-
-fn length_m(points: &[Point3<f64>]) -> f64 {
-    points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
 }

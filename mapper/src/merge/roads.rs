@@ -5,6 +5,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::config::SameRoadConfig;
 use crate::fuse::Buckets;
+use crate::roads::runs;
 
 /// A place on a path.
 struct Sample {
@@ -41,15 +42,13 @@ pub struct Union<'a> {
     buckets: Buckets,
     known: Vec<Sample>,
     roads: Vec<Road>,
-    /// Roads of passes that were there already, whole or in part.
-    pub repeated: usize,
 }
 
 impl<'a> Union<'a> {
     /// No road yet.
     pub fn new(config: &'a SameRoadConfig) -> Self {
         let buckets = Buckets::new(config.within_m);
-        Self { config, buckets, known: Vec::new(), roads: Vec::new(), repeated: 0 }
+        Self { config, buckets, known: Vec::new(), roads: Vec::new() }
     }
 
     /// Adds the roads of a pass.
@@ -62,15 +61,11 @@ impl<'a> Union<'a> {
                 added.push(road.clone());
                 continue;
             }
-            self.repeated += 1;
-            let mut start = 0;
-            for run in is_new.chunk_by(|a, b| a == b) {
-                let range = start..start + run.len();
-                start = range.end;
+            for run in runs(&is_new) {
                 // Up to the neighbours that are known, so that no gap is left.
-                let from = &samples[range.start.saturating_sub(1)];
-                let to = &samples[range.end.min(samples.len() - 1)];
-                if run[0] && to.station_m - from.station_m >= self.config.shortest_m {
+                let from = &samples[run.start.saturating_sub(1)];
+                let to = &samples[run.end.min(samples.len() - 1)];
+                if is_new[run.start] && to.station_m - from.station_m >= self.config.shortest_m {
                     added.push(Road { path_map: between(&road.path_map, from, to) });
                 }
             }

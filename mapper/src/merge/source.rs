@@ -36,16 +36,6 @@ pub struct Source {
 }
 
 impl Sources {
-    /// How many there are.
-    pub fn len(&self) -> usize {
-        self.0.len()
-    }
-
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
     /// Adds the bytes of a map file; false where it was there already.
     ///
     /// # Errors
@@ -94,7 +84,7 @@ impl Sources {
     pub fn read(&self) -> Result<Vec<Source>> {
         use rayon::prelude::*;
         let files: Vec<&Arc<[u8]>> = self.0.iter().collect();
-        let sources: std::result::Result<Vec<Source>, common::Error> = files
+        let sources: Result<Vec<Source>, common::Error> = files
             .par_iter()
             .map(|bytes| {
                 let quantum_m = layout(bytes)?.quantum_m;
@@ -216,7 +206,7 @@ mod tests {
         let mut sources = Sources::default();
         assert_eq!(sources.add_file(&path).unwrap(), 0);
         assert_eq!(sources.add_file(&path).unwrap(), 1);
-        assert_eq!(sources.len(), 1);
+        assert_eq!(sources.0.len(), 1);
         let area = folder.path().join("area.csm");
         two().write(&area, &map("area").encode(&EncodeOptions::default()).unwrap()).unwrap();
         assert_eq!(sources.add_file(&area).unwrap(), 1);

@@ -25,6 +25,7 @@ use nalgebra::{Matrix6, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::chain::{Chain, MotionTerm, Step};
+use super::median;
 
 /// Accuracies that weigh the scans' motion against the survey.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -285,7 +286,7 @@ fn survey_sigma_m(survey: &[Pose], motions: &[Motion], weights: &[Matrix6<f64>],
     let distance_m =
         |poses: &[Pose], a: usize, b: usize| (poses[b].translation.vector - poses[a].translation.vector).norm();
     let n = survey.len().min(registered.len());
-    let (mut off_m2, mut open_m2): (Vec<f64>, Vec<f64>) = (0..n)
+    let (off_m2, open_m2): (Vec<f64>, Vec<f64>) = (0..n)
         .map(|a| (a, driven_m.partition_point(|way| way - driven_m[a] < config.survey_check_m)))
         .filter(|(_, b)| *b < n)
         .map(|(a, b)| {
@@ -293,15 +294,12 @@ fn survey_sigma_m(survey: &[Pose], motions: &[Motion], weights: &[Matrix6<f64>],
             (off_m * off_m, variance_m2[b] - variance_m2[a])
         })
         .unzip();
-    off_m2.sort_by(f64::total_cmp);
-    open_m2.sort_by(f64::total_cmp);
-    let middle = off_m2.len() / 2;
     if off_m2.len() < FEWEST_CHECKS {
         return config.survey_sigma_m;
     }
     // A standard deviation is 1.48 median deviations; two positions make a
     // distance.
-    let found_m2 = (1.48_f64.powi(2) * off_m2[middle] - open_m2[middle]) / 2.0;
+    let found_m2 = (1.48_f64.powi(2) * median(&off_m2) - median(&open_m2)) / 2.0;
     config.survey_sigma_m.max(found_m2.max(0.0).sqrt())
 }
 

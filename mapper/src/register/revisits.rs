@@ -16,6 +16,8 @@ use super::odometry::{BATCH, adjoint, raised_cells, read_cells};
 use super::search::{SearchConfig, shifted};
 use crate::drive::Drive;
 use crate::error::Result;
+use crate::fuse::Buckets;
+use crate::roads::driven_m;
 use crate::voxel::Moments;
 
 /// Which places count as seen again, and when both passes are tied together.
@@ -100,40 +102,24 @@ struct Place {
     after: usize,
 }
 
-/// Way driven to each pose, metres.
-fn driven_m(poses: &[Pose]) -> Vec<f64> {
-    let mut way = 0.0;
-    let mut driven = vec![0.0; poses.len().min(1)];
-    for pair in poses.windows(2) {
-        way += (pair[1].translation.vector - pair[0].translation.vector).norm();
-        driven.push(way);
-    }
-    driven
-}
-
 /// Places, one in `spacing_m`, at which the drive is back near an earlier one,
 /// each with the nearest.
 fn places(poses: &[Pose], driven: &[f64], config: &RevisitConfig) -> Vec<Place> {
-    let cell = |p: &Pose| {
-        let of = |v: f64| (v / config.within_m.max(1.0)).floor() as i64;
-        (of(p.translation.x), of(p.translation.z))
-    };
-    let mut seen: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
+    let mut seen = Buckets::new(config.within_m.max(1.0));
     let (mut found, mut added) = (Vec::new(), 0);
     let mut last_m = f64::NEG_INFINITY;
     for (after, pose) in poses.iter().enumerate() {
         while added < after && driven[after] - driven[added] >= config.least_way_m {
-            seen.entry(cell(&poses[added])).or_default().push(added);
+            seen.add(&poses[added].translation.vector.into(), added);
             added += 1;
         }
         if driven[after] - last_m < config.spacing_m {
             continue;
         }
-        let (x, z) = cell(pose);
-        let near = (-1..=1).flat_map(|i| (-1..=1).map(move |k| (x + i, z + k))).filter_map(|c| seen.get(&c)).flatten();
         let apart = |k: usize| poses[k].translation.vector - pose.translation.vector;
-        let nearest = near
-            .map(|&k| (apart(k), k))
+        let nearest = seen
+            .near(&pose.translation.vector.into(), config.within_m)
+            .map(|k| (apart(k), k))
             .filter(|(d, _)| d.y.abs() <= config.storey_m)
             .map(|(d, k)| (d.x.hypot(d.z), k))
             .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -216,8 +202,11 @@ fn lay(
     let scan = scan_surfaces(cells.get(&place.after)?, &config.align.surface);
     let guess = poses[place.after] * camera_from_velodyne;
     let (guess, rival) = shifted(&map, &scan, &guess, &settings.search);
+    if rival > settings.search.largest_rival {
+        return None;
+    }
     let Alignment { map_from_velodyne, information, overlap, .. } = align(&map, &scan, &guess, &config.align);
-    if rival > settings.search.largest_rival || overlap < settings.least_overlap {
+    if overlap < settings.least_overlap {
         return None;
     }
     let velodyne_from_camera = camera_from_velodyne.inverse();

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::align::ScanSurface;
 use super::local_map::LocalMap;
+use super::median;
 
 /// How a shift between two passes is searched.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -37,9 +38,11 @@ impl Default for SearchConfig {
     }
 }
 
-/// Planes within this of the horizontal are ground, those within this of the
-/// vertical are upright; cosine and sine of 30 degrees would take in banks.
+/// Ground is a plane less steep than this, as the cosine of its slope: 18
+/// degrees; 30 would take in banks.
 const LEVEL_COS: f64 = 0.95;
+/// Upright is a plane nearer to the vertical than this, as the sine of the
+/// angle between both: 30 degrees.
 const UPRIGHT_SIN: f64 = 0.5;
 
 /// The best shift of a guess, and the share of the best score that the next
@@ -88,7 +91,7 @@ fn ground_shift(map: &LocalMap, scan: &[ScanSurface], guess: &Pose, config: &Sea
     let rotation = *guess.rotation.to_rotation_matrix().matrix();
     let near = |s: &&ScanSurface| s.surface.mean.coords.norm() < config.ground_range_m;
     let level = |s: &&ScanSurface| s.surface.normal.is_some_and(|n| (rotation * n).y.abs() > LEVEL_COS);
-    let mut off: Vec<f64> = scan
+    let off: Vec<f64> = scan
         .iter()
         .filter(near)
         .filter(level)
@@ -97,8 +100,7 @@ fn ground_shift(map: &LocalMap, scan: &[ScanSurface], guess: &Pose, config: &Sea
             lowest.get(&column(&moved)).map(|y| y - moved.y)
         })
         .collect();
-    off.sort_by(f64::total_cmp);
-    off.get(off.len() / 2).copied().unwrap_or(0.0)
+    median(&off)
 }
 
 #[cfg(test)]

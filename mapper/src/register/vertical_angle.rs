@@ -4,9 +4,9 @@ use common::geometry::local;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::RefineConfig;
 use super::graph::Motion;
 use super::odometry::{KnownCells, odometry, read_cells};
+use super::{RefineConfig, median};
 use crate::drive::Drive;
 use crate::error::Result;
 
@@ -84,13 +84,6 @@ fn without_outliers(none: &[f64], some: &[f64]) -> (Vec<f64>, Vec<f64>) {
         .zip(some)
         .filter(|(n, s)| (*n - none_middle).abs() <= none_limit && (*s - some_middle).abs() <= some_limit)
         .unzip()
-}
-
-/// The upper median; 0 of nothing.
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Trial angle of the secant, radians: of the size of real calibration errors.

@@ -1,6 +1,8 @@
 //! Landmarks that are there twice.
 
-use common::map::SemanticMap;
+use std::collections::BTreeMap;
+
+use common::map::{SemanticMap, Sign};
 use nalgebra::{Point3, Vector3};
 
 use super::{Fault, Findings, Names, ValidateConfig};
@@ -10,7 +12,7 @@ pub(super) fn check(map: &SemanticMap, config: &ValidateConfig, findings: &mut F
     let mut names = Names(Vec::new());
     let poles: Vec<Named> = map.poles.iter().map(|p| (names.next(p.kind.name()), 0, p.foot_map)).collect();
     points(&poles, config.same_pole_m, findings);
-    let sign = |s: &common::map::Sign, names: &mut Names| (names.next(s.kind.name()), s.kind as usize, s.centroid_map);
+    let sign = |s: &Sign, names: &mut Names| (names.next(s.kind.name()), s.kind as usize, s.centroid_map);
     let signs: Vec<Named> = map.signs.iter().map(|s| sign(s, &mut names)).collect();
     points(&signs, config.same_sign_m, findings);
     lanes(map, config, findings);
@@ -60,8 +62,7 @@ fn lanes(map: &SemanticMap, config: &ValidateConfig, findings: &mut Findings) {
     }
     let buckets = Buckets::of(1.0, samples.iter().map(|sample| &sample.at));
     // For each pair of lines where they begin to be one, and for how long.
-    let mut shared: std::collections::BTreeMap<(usize, usize), (Point3<f64>, usize)> =
-        std::collections::BTreeMap::new();
+    let mut shared: BTreeMap<(usize, usize), (Point3<f64>, usize)> = BTreeMap::new();
     for sample in &samples {
         let mut others: Vec<usize> = buckets
             .near(&sample.at, SAMPLE_M)

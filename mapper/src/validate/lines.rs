@@ -4,6 +4,7 @@ use common::map::SemanticMap;
 use nalgebra::{Point2, Point3, Vector3};
 
 use super::{Fault, Findings, Names, ValidateConfig};
+use crate::fuse::length_m;
 
 pub(super) fn check(map: &SemanticMap, config: &ValidateConfig, findings: &mut Findings) {
     let mut names = Names(Vec::new());
@@ -34,10 +35,6 @@ pub(super) fn check(map: &SemanticMap, config: &ValidateConfig, findings: &mut F
             }
         }
     }
-}
-
-fn length_m(points: &[Point3<f64>]) -> f64 {
-    points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
 }
 
 /// Steps shorter than this say more about the grid than about direction,

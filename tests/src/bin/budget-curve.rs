@@ -5,12 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
-use common::map::{SemanticMap, layout};
-use mapper::Config;
-use mapper::budget::{Accuracy, Known, reduce};
-use mapper::evidence::MapEvidence;
-use mapper::report::read_beside;
+use common::map::SemanticMap;
+use mapper::budget::{Accuracy, Stored, reduce};
 use waymark_tests::budget_curve::{Measured, Naive, Seen, naive};
+use waymark_tests::cli::{Outcome, ended};
 
 /// Predicted and measured accuracy of a map reduced to several sizes.
 #[derive(Debug, Parser)]
@@ -46,33 +44,17 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::from(2)
-        }
-    }
+    ended(run(&Arguments::parse()))
 }
 
-fn run(arguments: &Arguments) -> Result<(), String> {
-    let say = |error: common::Error| error.to_string();
-    let config: Config =
-        arguments.config.as_ref().map_or_else(|| Ok(Config::default()), common::config::load).map_err(say)?;
-    let bytes = std::fs::read(&arguments.map).map_err(|error| format!("{}: {error}", arguments.map.display()))?;
-    let map = SemanticMap::decode(&bytes).map_err(common::Error::in_file(&arguments.map)).map_err(say)?;
-    let quantum_m = layout(&bytes).map_err(say)?.quantum_m;
-    let report = read_beside(&arguments.map, &bytes).map_err(|error| error.to_string())?;
-    let evidence = report
-        .map(|report| report.evidence)
-        .filter(|evidence| evidence.fits(&map))
-        .unwrap_or_else(|| MapEvidence::assumed(&map, &config.evidence));
-    let whole = Known { map: &map, evidence: &evidence, quantum_m };
+fn run(arguments: &Arguments) -> Outcome {
+    let stored = Stored::read(&arguments.map, arguments.config.as_deref())?;
+    let whole = stored.known();
     let seen = look(arguments)?;
     println!(
         "{}: {} bytes; errors of {} starts, metres and degrees",
         arguments.map.display(),
-        bytes.len(),
+        stored.bytes,
         arguments.starts
     );
     println!(
@@ -93,7 +75,7 @@ fn run(arguments: &Arguments) -> Result<(), String> {
         "<0.5 m"
     );
     for budget in arguments.at.iter().copied().chain([usize::MAX]) {
-        let reduced = match reduce(whole, budget, &config.budget) {
+        let reduced = match reduce(whole, budget, &stored.config) {
             Ok(reduced) => reduced,
             Err(error) => {
                 println!("{budget:>6} {error}");

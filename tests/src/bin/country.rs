@@ -6,11 +6,14 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::{Parser, Subcommand};
+use common::geometry::Pose;
 use common::map::atlas::{Atlas, AtlasBuilder, AtlasOptions};
-use common::map::{SemanticMap, layout};
+use common::map::decode_with_layout;
 use localizer::local_map::{LocalMap, LocalMapConfig};
 use mapper::inspect::road_length_m;
 use nalgebra::{Point3, Vector3};
+use waymark_tests::cli::{Outcome, ended};
+use waymark_tests::map_score::moved;
 
 /// Makes an atlas as large as a country out of one map, and measures what a
 /// localizer pays for it.
@@ -53,23 +56,20 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let result = match Arguments::parse().command {
-        Command::Make { map, km, spacing, out } => make(&map, km, spacing, &out).map_err(localizer::Error::from),
-        Command::Measure { atlas, places, drive } => measure(&atlas, places, drive),
-    };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::from(2)
-        }
+    ended(run(&Arguments::parse().command))
+}
+
+fn run(command: &Command) -> Outcome {
+    match command {
+        Command::Make { map, km, spacing, out } => make(map, *km, *spacing, out)?,
+        Command::Measure { atlas, places, drive } => measure(atlas, *places, *drive)?,
     }
+    Ok(())
 }
 
 fn make(map: &Path, km: f64, spacing_m: f64, out: &Path) -> common::Result<()> {
     let bytes = std::fs::read(map).map_err(common::Error::io(map))?;
-    let quantum_m = layout(&bytes).map_err(common::Error::in_file(map))?.quantum_m;
-    let original = SemanticMap::decode(&bytes).map_err(common::Error::in_file(map))?;
+    let (original, layout) = decode_with_layout(&bytes).map_err(common::Error::in_file(map))?;
     let copies = (km * 1e3 / road_length_m(&original).max(1.0)).ceil().max(1.0) as i64;
     let side = (copies as f64).sqrt().ceil() as i64;
     let started = Instant::now();
@@ -77,9 +77,9 @@ fn make(map: &Path, km: f64, spacing_m: f64, out: &Path) -> common::Result<()> {
     let mut road_m = 0.0;
     for copy in 0..copies {
         let place = |index: i64| (index - side / 2) as f64 * spacing_m;
-        let moved = moved(&original, &Vector3::new(place(copy % side), 0.0, place(copy / side)));
+        let moved = moved(&original, &Pose::translation(place(copy % side), 0.0, place(copy / side)));
         road_m += road_length_m(&moved);
-        builder.add(&moved, quantum_m)?;
+        builder.add(&moved, layout.quantum_m)?;
     }
     let summary = builder.write(None)?;
     println!(
@@ -92,15 +92,6 @@ fn make(map: &Path, km: f64, spacing_m: f64, out: &Path) -> common::Result<()> {
         peak_mb(),
     );
     Ok(())
-}
-
-fn moved(map: &SemanticMap, by_m: &Vector3<f64>) -> SemanticMap {
-    let mut map = map.clone();
-    map.roads.iter_mut().flat_map(|road| &mut road.path_map).for_each(|p| *p += by_m);
-    map.poles.iter_mut().for_each(|pole| (pole.foot_map, pole.top_map) = (pole.foot_map + by_m, pole.top_map + by_m));
-    map.signs.iter_mut().for_each(|sign| sign.centroid_map += by_m);
-    map.lanes.iter_mut().flat_map(|lane| &mut lane.points_map).for_each(|p| *p += by_m);
-    map
 }
 
 fn measure(path: &Path, places: usize, drive_km: f64) -> localizer::Result<()> {

@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use waymark_tests::cli::ended;
 use waymark_tests::realism::{features, scans};
 
 /// Generated drives side by side with real ones: every figure of both, and how
@@ -23,15 +24,8 @@ enum What {
 }
 
 fn main() -> ExitCode {
-    let result = match Arguments::parse().what {
+    ended(match Arguments::parse().what {
         What::Scans(arguments) => scans::run(&arguments),
         What::Features(arguments) => features::run(&arguments),
-    };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::from(2)
-        }
-    }
+    })
 }

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use common::map::SemanticMap;
+use common::kitti::read_poses;
+use mapper::budget::Stored;
+use waymark_tests::cli::{MapOfDrive, Outcome, ended};
 use waymark_tests::evidence_score::score;
 
 /// Scores the uncertainty that the report beside a map gives to its landmarks
@@ -12,38 +14,24 @@ use waymark_tests::evidence_score::score;
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {
-    /// The map, with the report of its build beside it.
-    #[arg(long, value_name = "MAP.csm")]
-    map: PathBuf,
-    /// The drive, from `fixtures generate --out`.
-    #[arg(long, value_name = "ROOT")]
-    drive: PathBuf,
+    #[command(flatten)]
+    of: MapOfDrive,
     /// The poses that it was built with, from `mapper build --trajectory`.
     #[arg(long, value_name = "POSES.txt")]
     trajectory: PathBuf,
 }
 
 fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::from(2)
-        }
-    }
+    ended(run(&Arguments::parse()))
 }
 
-fn run(arguments: &Arguments) -> Result<(), String> {
-    let say = |error: common::Error| error.to_string();
-    let bytes = std::fs::read(&arguments.map).map_err(|error| format!("{}: {error}", arguments.map.display()))?;
-    let map = SemanticMap::decode(&bytes).map_err(common::Error::in_file(&arguments.map)).map_err(say)?;
-    let report = mapper::report::read_beside(&arguments.map, &bytes).map_err(|error| error.to_string())?;
-    let evidence = report.map(|report| report.evidence).filter(|evidence| evidence.fits(&map));
-    let evidence = evidence
-        .ok_or_else(|| format!("{} has no report of its build beside it; build it again", arguments.map.display()))?;
-    let truth = waymark_tests::truth::read(&arguments.drive)?;
-    let built = common::kitti::read_poses(&arguments.trajectory).map_err(say)?;
-    let exact = common::kitti::read_poses(arguments.drive.join("truth/poses.txt")).map_err(say)?;
+fn run(arguments: &Arguments) -> Outcome {
+    let Stored { map, report, .. } = Stored::read(&arguments.of.map, None)?;
+    let evidence = report.map(|report| report.evidence).filter(|evidence| evidence.fits(&map)).ok_or_else(|| {
+        format!("{} has no report of its build beside it; build it again", arguments.of.map.display())
+    })?;
+    let (truth, exact) = arguments.of.truth()?;
+    let built = read_poses(&arguments.trajectory)?;
     println!("{:20} {:>6} {:>9} {:>9} {:>7} {:>7}", "", "number", "RMS, m", "said, m", "ratio", "median");
     for (name, found) in score(&map, &evidence, &truth, &built, &exact) {
         println!(

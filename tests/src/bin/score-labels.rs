@@ -1,31 +1,22 @@
 //! Scores a map of KITTI against the point labels of its scans.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
 use common::kitti::Sequence;
+use waymark_tests::cli::{MapOfSequence, Outcome, ended};
 use waymark_tests::labels::{LabelScore, OnLandmark, read, score};
 
 /// Scores a map of KITTI against the point labels of its scans
-/// (`SemanticKITTI`): the share of points on each class of landmarks that carry
-/// its label, recall and precision of poles, each miss and each false one.
+/// (`SemanticKITTI`, `sequences/NN/labels`): the share of points on each class
+/// of landmarks that carry its label, recall and precision of poles, each miss
+/// and each false one.
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {
-    /// The map.
-    #[arg(long, value_name = "MAP.csm")]
-    map: PathBuf,
-    /// The poses that it was built with, from `mapper build --trajectory`.
-    #[arg(long, value_name = "POSES.txt")]
-    trajectory: PathBuf,
-    /// Folder with `sequences/NN/{velodyne,labels,calib.txt}`.
-    #[arg(long, value_name = "ROOT")]
-    kitti: PathBuf,
-    /// The sequence.
-    #[arg(long, value_name = "NN")]
-    sequence: String,
+    #[command(flatten)]
+    of: MapOfSequence,
     /// What is farther from the cameras of the labelled frames does not count,
     /// metres.
     #[arg(long, value_name = "M", default_value_t = 15.0)]
@@ -33,22 +24,14 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::from(2)
-        }
-    }
+    ended(run(&Arguments::parse()))
 }
 
-fn run(arguments: &Arguments) -> Result<(), String> {
-    let map = common::map::read(&arguments.map).map_err(|error| error.to_string())?;
-    let trajectory = common::kitti::read_poses(&arguments.trajectory).map_err(|error| error.to_string())?;
-    let sequence = Sequence::open(&arguments.kitti, &arguments.sequence).map_err(|error| error.to_string())?;
-    let labelled = read(&sequence, &trajectory)?;
-    println!("{}: within {} m of {} labelled frames", arguments.map.display(), arguments.within, labelled.frames.len());
-    print(&score(&map, &labelled, arguments.within));
+fn run(Arguments { of, within }: &Arguments) -> Outcome {
+    let (map, trajectory) = of.read()?;
+    let labelled = read(&Sequence::open(&of.kitti, &of.sequence)?, &trajectory)?;
+    println!("{}: within {within} m of {} labelled frames", of.map.display(), labelled.frames.len());
+    print(&score(&map, &labelled, *within));
     Ok(())
 }
 

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
+use common::kitti::read_poses;
+use waymark_tests::cli::{MapOfDrive, Outcome, ended};
 use waymark_tests::map_score::{Found, MapScore, alignment, moved, score};
 
 /// Scores a map against the truth of the generated drive that it was built
@@ -12,12 +14,8 @@ use waymark_tests::map_score::{Found, MapScore, alignment, moved, score};
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {
-    /// The map.
-    #[arg(long, value_name = "MAP.csm")]
-    map: PathBuf,
-    /// The drive, from `fixtures generate --out`.
-    #[arg(long, value_name = "ROOT")]
-    drive: PathBuf,
+    #[command(flatten)]
+    of: MapOfDrive,
     /// The poses that it was built with, from `mapper build --trajectory`: map
     /// and truth are then aligned by them (rigidly), as a survey that drifts
     /// gives a map that lies elsewhere.
@@ -32,35 +30,21 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
-    match run(&arguments) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::from(2)
-        }
-    }
+    ended(run(&Arguments::parse()))
 }
 
-fn run(arguments: &Arguments) -> Result<(), String> {
-    let map = common::map::read(&arguments.map).map_err(|error| error.to_string())?;
-    let exact =
-        common::kitti::read_poses(arguments.drive.join("truth/poses.txt")).map_err(|error| error.to_string())?;
-    let truth = waymark_tests::truth::read(&arguments.drive)?;
-    let map = match &arguments.trajectory {
-        Some(path) => {
-            let built = common::kitti::read_poses(path).map_err(|error| error.to_string())?;
-            moved(&map, &alignment(&built, &exact))
-        }
-        None => map,
-    };
-    let score = score(&map, &truth, &exact, arguments.within);
-    print(&score, arguments);
+fn run(arguments: &Arguments) -> Outcome {
+    let mut map = common::map::read(&arguments.of.map)?;
+    let (truth, exact) = arguments.of.truth()?;
+    if let Some(path) = &arguments.trajectory {
+        map = moved(&map, &alignment(&read_poses(path)?, &exact));
+    }
+    print(&score(&map, &truth, &exact, arguments.within), arguments);
     Ok(())
 }
 
 fn print(score: &MapScore, arguments: &Arguments) {
-    println!("{} within {} m of the path", arguments.map.display(), arguments.within);
+    println!("{} within {} m of the path", arguments.of.map.display(), arguments.within);
     println!("{:14} {:>7} {:>9} {:>8} {:>10}  ", "", "recall", "precision", "true", "off, m RMS");
     let row = |name: &str, found: &Found, unit: &str| {
         let (recall, precision) = (found.recall(), found.precision());

@@ -1,48 +1,30 @@
 //! Scores the poles of a map of KITTI against the pole map of its sequence.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser;
-use common::Result;
+use waymark_tests::cli::{MapOfSequence, Outcome, ended};
 use waymark_tests::pole_map::{BESIDE_PATH_M, Score, WITHIN_M, score};
 
-/// Scores the poles of a map of KITTI against the pole map of its sequence:
-/// recall, precision, each miss and each false one.
+/// Scores the poles of a map of KITTI against the pole map of its sequence
+/// (`pole_maps/NN.csv` beside `sequences/`, and `poses_semantickitti.txt` in
+/// the sequence): recall, precision, each miss and each false one.
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {
-    /// The map.
-    #[arg(long, value_name = "MAP.csm")]
-    map: PathBuf,
-    /// The poses that it was built with, from `mapper build --trajectory`.
-    #[arg(long, value_name = "POSES.txt")]
-    trajectory: PathBuf,
-    /// Folder with `sequences/` and `pole_maps/`; the sequence needs its
-    /// `poses_semantickitti.txt`.
-    #[arg(long, value_name = "ROOT")]
-    kitti: PathBuf,
-    /// The sequence.
-    #[arg(long, value_name = "NN")]
-    sequence: String,
+    #[command(flatten)]
+    of: MapOfSequence,
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
-    match run(&arguments) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::from(2)
-        }
-    }
+    ended(run(&Arguments::parse()))
 }
 
-fn run(arguments: &Arguments) -> Result<()> {
-    let map = common::map::read(&arguments.map)?;
-    let trajectory = common::kitti::read_poses(&arguments.trajectory)?;
-    let score = score(&map, &trajectory, &arguments.kitti, &arguments.sequence)?;
-    print(&score, &map, &arguments.map);
+fn run(Arguments { of }: &Arguments) -> Outcome {
+    let (map, trajectory) = of.read()?;
+    let score = score(&map, &trajectory, &of.kitti, &of.sequence)?;
+    print(&score, &map, &of.map);
     Ok(())
 }
 

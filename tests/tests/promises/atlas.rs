@@ -1,26 +1,18 @@
 //! Maps in one atlas localize as they do alone, and a faulty atlas is told.
 
-use crate::support::{DEMO, Ran, run, text};
+use std::path::Path;
 
-/// The demo's drive localized in a map; its poses.
-fn localized(map: &str, out: &std::path::Path) -> (Ran, Vec<u8>) {
-    let (drive, truth) = (DEMO.file("drive"), DEMO.file("drive/truth/poses.txt"));
-    let labels = DEMO.file("drive/sequences/00/labels_2");
-    let inputs = ["--kitti", text(&drive), "--sequence", "00", "--labels", text(&labels), "--truth", text(&truth)];
-    let ran = run("localizer", &[&["run", "--map", map, "--out", text(out)], &inputs[..]].concat());
-    let poses = std::fs::read(out.join("poses.txt")).unwrap_or_default();
-    (ran, poses)
-}
+use crate::support::{DEMO, run, text};
 
 #[test]
 fn a_drive_in_an_atlas_gives_the_poses_of_its_map() {
     let folder = tempfile::tempdir().unwrap();
     let (map, atlas) = (DEMO.file("street.csm"), folder.path().join("street.csa"));
     run("mapper", &["atlas", text(&map), "--tile-bytes", "300", "--out", text(&atlas)]).ok();
-    let (ran, poses) = localized(text(&atlas), folder.path());
-    let said = ran.ok();
+    let said = DEMO.localize(&atlas, folder.path()).ok();
     assert!(said.contains("tiles of the atlas read"), "{said}");
-    assert_eq!(poses, std::fs::read(DEMO.file("localized/poses.txt")).unwrap());
+    let poses = |folder: &Path| std::fs::read(folder.join("poses.txt")).unwrap();
+    assert_eq!(poses(folder.path()), poses(&DEMO.file("localized")));
 
     let looked = run("mapper", &["inspect", text(&atlas), "--json"]).ok();
     let json: serde_json::Value = serde_json::from_str(&looked).unwrap();
@@ -41,7 +33,7 @@ fn a_faulty_atlas_is_told_in_a_sentence() {
         let mut bytes = good.clone();
         change(&mut bytes);
         std::fs::write(&atlas, bytes).unwrap();
-        localized(text(&atlas), folder.path()).0
+        DEMO.localize(&atlas, folder.path())
     };
     with(&|bytes| bytes[200] ^= 1).refused(&["street.csa", "damaged", "tile at byte 146", "copy it again"]);
     let cut = good.len() - 10;

@@ -46,10 +46,8 @@ fn a_reduced_map_keeps_to_its_bytes_and_still_localizes() {
     let folder = tempfile::tempdir().unwrap();
     let (small, budget) = reduced(folder.path(), 60);
     assert!(std::fs::metadata(&small).unwrap().len() as usize <= budget);
-    let (drive, labels) = (DEMO.file("drive"), DEMO.file("drive/sequences/00/labels_2"));
     let (truth, out) = (DEMO.file("drive/truth/poses.txt"), folder.path().join("localized"));
-    let words = ["run", "--map", text(&small), "--kitti", text(&drive), "--sequence", "00", "--labels", text(&labels)];
-    run("localizer", &[&words[..], &["--truth", text(&truth), "--out", text(&out)]].concat()).ok();
+    DEMO.localize(&small, &out).ok();
     let said = run("localizer", &["eval", "--estimate", text(&out), "--truth", text(&truth), "--json"]).ok();
     let json: serde_json::Value = serde_json::from_str(&said).unwrap();
     // The paper's own figure, in 60 % of the bytes.

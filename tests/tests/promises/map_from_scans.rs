@@ -9,6 +9,7 @@ use common::map::{LaneKind, SemanticMap, SignKind};
 use fixtures::truth::Truth;
 use nalgebra::{Point2, Point3};
 use waymark_tests::map_score::{MapScore, score};
+use waymark_tests::matching::above;
 
 use crate::support::DEMO;
 
@@ -20,10 +21,6 @@ struct Case {
     truth: Truth,
     path: Vec<Point2<f64>>,
     score: MapScore,
-}
-
-fn above(p: &Point3<f64>) -> Point2<f64> {
-    Point2::new(p.x, p.z)
 }
 
 impl Case {

@@ -9,7 +9,14 @@ use crate::support::{build, plain, run, text};
 fn printed_settings_can_be_given_back() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("all.toml");
-    for (program, command) in [("mapper", "build"), ("localizer", "run"), ("fixtures", "generate")] {
+    for (program, command) in [
+        ("mapper", "build"),
+        ("mapper", "merge"),
+        ("mapper", "validate"),
+        ("localizer", "run"),
+        ("localizer", "trial"),
+        ("fixtures", "generate"),
+    ] {
         let printed = run(program, &[command, "--print-config"]).ok();
         std::fs::write(&file, &printed).unwrap();
         let again = run(program, &[command, "--print-config", "--config", text(&file)]).ok();

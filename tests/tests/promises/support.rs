@@ -68,6 +68,14 @@ impl Demo {
     pub fn file(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }
+
+    /// `localizer run` of its drive in a map.
+    pub fn localize(&self, map: &Path, out: &Path) -> Ran {
+        let (drive, truth) = (self.file("drive"), self.file("drive/truth/poses.txt"));
+        let labels = self.file("drive/sequences/00/labels_2");
+        let words = ["run", "--map", text(map), "--kitti", text(&drive), "--sequence", "00", "--labels", text(&labels)];
+        run("localizer", &[&words[..], &["--truth", text(&truth), "--out", text(out)]].concat())
+    }
 }
 
 /// Frames of the demo's drive here: 80 m.

@@ -5,10 +5,8 @@ use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
-
 use super::super::grid::Grid;
-use super::super::{EncodeOptions, RoadId, SemanticMap};
+use super::super::{EncodeOptions, LaneLine, Pole, RoadId, SemanticMap, Sign};
 use super::entry::Entry;
 use super::header::{HEADER_BYTES, Header};
 use super::sorter::{Record, Sorter};
@@ -20,8 +18,7 @@ use crate::{Error, Result, atomic_file};
 const CHILDREN: usize = 64;
 
 /// How an atlas is cut into tiles.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AtlasOptions {
     /// A tile takes no further road beyond about this, bytes. Small tiles cost
     /// a header each, large ones are read for a corner: 8 KB are about 2 km of
@@ -89,7 +86,7 @@ impl AtlasBuilder {
         }
         for road in by_road(map)? {
             let number = self.roads;
-            self.roads = number.checked_add(1).ok_or_else(|| unencodable("it has more roads than 2^32".into()))?;
+            self.roads = number.checked_add(1).ok_or_else(too_much)?;
             let path = road.roads.first().map_or(&[][..], |road| &road.path_map);
             let middle = path.get(path.len() / 2).copied().unwrap_or_default();
             let [x, _, z] = grid.point(&middle, || format!("road {number}"))?;
@@ -157,13 +154,13 @@ fn by_road(map: &SemanticMap) -> Result<Vec<SemanticMap>> {
     };
     let road = RoadId(0);
     for pole in &map.poles {
-        on(pole.road, &mut |own| own.poles.push(super::super::Pole { road, ..*pole }))?;
+        on(pole.road, &mut |own| own.poles.push(Pole { road, ..*pole }))?;
     }
     for sign in &map.signs {
-        on(sign.road, &mut |own| own.signs.push(super::super::Sign { road, ..*sign }))?;
+        on(sign.road, &mut |own| own.signs.push(Sign { road, ..*sign }))?;
     }
     for lane in &map.lanes {
-        on(lane.road, &mut |own| own.lanes.push(super::super::LaneLine { road, ..lane.clone() }))?;
+        on(lane.road, &mut |own| own.lanes.push(LaneLine { road, ..lane.clone() }))?;
     }
     Ok(roads)
 }
@@ -215,9 +212,9 @@ impl<'a, 'b> TileWriter<'a, 'b> {
         for (road, (number, own)) in (0..).map(RoadId).zip(self.open.drain(..)) {
             tile.road_numbers.push(number);
             tile.map.roads.extend(own.roads);
-            tile.map.poles.extend(own.poles.into_iter().map(|pole| super::super::Pole { road, ..pole }));
-            tile.map.signs.extend(own.signs.into_iter().map(|sign| super::super::Sign { road, ..sign }));
-            tile.map.lanes.extend(own.lanes.into_iter().map(|lane| super::super::LaneLine { road, ..lane }));
+            tile.map.poles.extend(own.poles.into_iter().map(|pole| Pole { road, ..pole }));
+            tile.map.signs.extend(own.signs.into_iter().map(|sign| Sign { road, ..sign }));
+            tile.map.lanes.extend(own.lanes.into_iter().map(|lane| LaneLine { road, ..lane }));
         }
         (self.open_bytes, self.open_box) = (0, EMPTY);
         let bytes = tile.encode(EncodeOptions { quantum_m: self.grid.quantum_m() })?;

@@ -167,7 +167,7 @@ impl Atlas {
     /// Reads everything, one tile after the other, in the order of the file.
     ///
     /// # Errors
-    /// As [`Atlas::open`], where there are gaps between the parts, and whatever
+    /// As [`Atlas::open`], where there are gaps between the tiles, and whatever
     /// `each` returns.
     pub fn read_all(&self, mut each: impl FnMut(&TilePlace, Tile) -> Result<()>) -> Result<()> {
         let mut at = HEADER_BYTES as u64;
@@ -207,8 +207,8 @@ impl Atlas {
 
     /// The children of a node, checked against it: they lie inside its box and
     /// before it in the file, and hold together what it holds. So whatever the
-    /// bytes are, a walk down ends, and reads no more parts than the root has
-    /// tiles.
+    /// bytes are, a walk down ends, and reads no more parts of each level than
+    /// the root has tiles.
     fn children(&self, node: &Entry) -> Result<Vec<Entry>> {
         let malformed = |what: &str| self.malformed("index node", node.offset, what.to_owned());
         let length = node.length as usize;

@@ -3,6 +3,7 @@
 use nalgebra::Point3;
 use proptest::prelude::*;
 
+use super::super::tests::hex_dump;
 use super::super::{EncodeOptions, LaneKind, LaneLine, Pole, PoleKind, Road, RoadId, SemanticMap, Sign, SignKind};
 use super::entry::{ENTRY_BYTES, Entry};
 use super::header::HEADER_BYTES;
@@ -48,14 +49,7 @@ fn built(maps: &[SemanticMap], options: AtlasOptions) -> Vec<u8> {
 }
 
 fn documented() -> Vec<u8> {
-    include_str!("../../../ATLAS.md")
-        .split("```")
-        .find_map(|block| block.strip_prefix("hex\n"))
-        .unwrap()
-        .lines()
-        .flat_map(|line| line.split('|').next().unwrap_or_default().split_whitespace())
-        .map(|byte| u8::from_str_radix(byte, 16).unwrap())
-        .collect()
+    hex_dump(include_str!("../../../ATLAS.md"))
 }
 
 /// A file with these bytes, to be opened again and again.

@@ -2,7 +2,7 @@
 //! the numbers that these roads have in the atlas.
 
 use super::super::varint::Unsigned;
-use super::super::wire::List;
+use super::super::wire::{DECODE_LIMIT, List};
 use super::super::{EncodeOptions, SemanticMap};
 use super::Counts;
 use crate::{Error, Result};
@@ -45,10 +45,9 @@ impl Tile {
         Ok(bytes)
     }
 
-    /// From its bytes, with the step of its coordinates in micrometres; what
-    /// is wrong with them as the end of a sentence.
+    /// From its bytes; what is wrong with them as the end of a sentence.
     pub(super) fn decode(bytes: &[u8]) -> std::result::Result<Self, String> {
-        let config = bincode::config::standard().with_limit::<{ 1 << 28 }>();
+        let config = bincode::config::standard().with_limit::<DECODE_LIMIT>();
         let (gaps, used) = bincode::decode_from_slice::<List<Unsigned>, _>(bytes, config)
             .map_err(|e| format!("has no list of road numbers ({e})"))?;
         let mut next = 0_u64;

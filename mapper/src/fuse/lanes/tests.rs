@@ -126,7 +126,7 @@ fn what_is_no_line_makes_no_line() {
     let mut point = line(1.5, 3.0, 3.0, 0);
     let mut empty = line(1.5, 3.0, 3.0, 1);
     empty.landmark.points_map.clear();
-    assert!(vertices(&[point.clone(), empty]).len() <= 1);
+    assert!(vertices(&[point.clone(), empty]).is_empty());
     point.landmark.points_map[1].x = f64::NAN;
     vertices(&[point]);
 }

@@ -26,6 +26,8 @@ struct Field {
 struct Header {
     fields: Vec<Field>,
     points: usize,
+    /// Bytes of a point, uncompressed.
+    stride: usize,
     data: String,
     /// Bytes of the header.
     length: usize,
@@ -135,6 +137,12 @@ fn header(path: &Path, bytes: &[u8]) -> Result<Header> {
                 format!("field `{name}` has type {kind}{size}, which PCD does not know; export it again"),
             ));
         }
+        // A field of no values is none, and one of countless values is a lie.
+        header.stride = size
+            .checked_mul(count)
+            .filter(|bytes| *bytes > 0)
+            .and_then(|bytes| header.stride.checked_add(bytes))
+            .ok_or_else(|| bad(path, format!("field `{name}` has a COUNT of {count}; export it again")))?;
         header.fields.push(Field { name, kind, size, count });
     }
     header.points = points
@@ -174,8 +182,8 @@ fn ascii(path: &Path, body: &[u8], header: &Header, wanted: &Wanted) -> Result<V
 
 fn binary(path: &Path, body: &[u8], header: &Header, wanted: &Wanted) -> Result<Vec<[f64; 5]>> {
     let starts = starts(header, |f| f.size * f.count);
-    let stride: usize = header.fields.iter().map(|f| f.size * f.count).sum();
-    let there = body.len() / stride.max(1);
+    let stride = header.stride.max(1);
+    let there = body.len() / stride;
     if there < header.points {
         return Err(cut_off(path, header, there));
     }
@@ -183,11 +191,7 @@ fn binary(path: &Path, body: &[u8], header: &Header, wanted: &Wanted) -> Result<
         let (field, start) = header.fields.get(field?).zip(starts.get(field?))?;
         scalar(field, point.get(*start..start + field.size)?)
     };
-    Ok(body
-        .chunks_exact(stride.max(1))
-        .take(header.points)
-        .map(|p| wanted.map(|f| value(p, f).unwrap_or(0.0)))
-        .collect())
+    Ok(body.chunks_exact(stride).take(header.points).map(|p| wanted.map(|f| value(p, f).unwrap_or(0.0))).collect())
 }
 
 fn compressed(path: &Path, body: &[u8], header: &Header, wanted: &Wanted) -> Result<Vec<[f64; 5]>> {
@@ -198,12 +202,11 @@ fn compressed(path: &Path, body: &[u8], header: &Header, wanted: &Wanted) -> Res
     let bytes = unpacked.ok_or_else(|| {
         bad(path, format!("its compressed data (from byte {}) are cut off or damaged; copy it again", header.length))
     })?;
+    if header.stride.checked_mul(header.points).is_none_or(|n| bytes.len() < n) {
+        return Err(cut_off(path, header, bytes.len() / header.stride.max(1)));
+    }
     // Field by field, not point by point.
     let starts = starts(header, |f| f.size * f.count * header.points);
-    let whole: usize = header.fields.iter().map(|f| f.size * f.count).sum();
-    if whole.checked_mul(header.points).is_none_or(|n| bytes.len() < n) {
-        return Err(cut_off(path, header, bytes.len() / whole.max(1)));
-    }
     let value = |point: usize, field: Option<usize>| {
         let (field, start) = header.fields.get(field?).zip(starts.get(field?))?;
         let at = start + point * field.size * field.count;
@@ -217,7 +220,7 @@ fn starts(header: &Header, length: impl Fn(&Field) -> usize) -> Vec<usize> {
     let mut at = 0_usize;
     let step = |field: &Field| {
         let start = at;
-        at = at.saturating_add(length(field));
+        at += length(field);
         start
     };
     header.fields.iter().map(step).collect()

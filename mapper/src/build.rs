@@ -7,7 +7,7 @@ use nalgebra::Point3;
 use crate::cloud::Cloud;
 use crate::config::Config;
 use crate::drive::Drive;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::evidence::EvidenceBook;
 use crate::lanes::{LanePiece, Paint, describe, find_lines, join};
 use crate::passes::Passes;
@@ -67,7 +67,8 @@ struct Found {
 /// its landmarks are found.
 ///
 /// # Errors
-/// A scan that cannot be read, and what `on_window` returns.
+/// A scan that cannot be read, what `on_window` returns, and
+/// [`Error::NoGround`].
 pub fn build(
     drive: &Drive,
     poses: PoseSource,
@@ -89,9 +90,11 @@ pub fn build(
     let windows: Vec<&[Stretch]> = cut.chunks(config.roads.per_window.max(1)).collect();
     let mut passes = Passes::default();
     let mut evidence = EvidenceBook::default();
+    let mut under_path = 0.0_f64;
     for (k, window) in windows.iter().enumerate() {
         let ends = (k == 0, k + 1 == windows.len());
         let (cloud, owned) = stitch_window(drive, &registration, window, ends, config)?;
+        under_path = under_path.max(cloud.ground.under_path());
         let found = extract(&cloud, &owned, &map, config);
         let window_poles: Vec<Pole> = found.poles.iter().map(|(pole, _)| *pole).collect();
         evidence.add(&cloud, &window_poles, &found.signs, &found.lanes, config);
@@ -105,6 +108,9 @@ pub fn build(
             count: windows.len(),
         })?;
         passes.add(k as u32, found.poles, found.signs, found.lanes);
+    }
+    if under_path < config.ground.least_under_path {
+        return Err(Error::NoGround { drive: drive.name(), seen_percent: 100.0 * under_path });
     }
     passes.join(&mut map, &config.fuse);
     Ok(Built { map, registration, evidence })

@@ -6,7 +6,7 @@ use common::map::{SemanticMap, SignKind};
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
-use crate::fuse::{Buckets, Place, cluster, length_m};
+use crate::fuse::{Buckets, NEVER_DOUBLE_M, Place, cluster, length_m};
 use crate::merge::{SameRoadConfig, added_roads};
 
 /// When landmarks of two maps are the same.
@@ -159,7 +159,7 @@ impl MapDiff {
         let place = |pass| move |point: &Point| Place { point_map: point.1, pass, class: 0 };
         let places: Vec<Place> = old.iter().map(place(0)).chain(new.iter().map(place(1))).collect();
         let all: Vec<&Point> = old.iter().chain(new).collect();
-        for pair in cluster(&places, config.moved_m, 0.0) {
+        for pair in cluster(&places, config.moved_m, NEVER_DOUBLE_M) {
             match pair[..] {
                 [only] if only < old.len() => self.add(Change::Removed, all[only].0, &all[only].1, 0.0, None),
                 [only] => self.add(Change::Added, all[only].0, &all[only].1, 0.0, None),

@@ -34,6 +34,16 @@ pub enum Error {
         /// Rows in the pose file.
         poses: usize,
     },
+    /// Scans and poses that do not belong together.
+    #[error(
+        "{drive}: ground lies level under {seen_percent:.0} % of the driven path only: scans and poses do not belong together; check the calibration (`Tr` leads from the lidar to the camera) and the frame of the poses"
+    )]
+    NoGround {
+        /// The drive.
+        drive: String,
+        /// Where ground was seen, percent of the best window's path.
+        seen_percent: f64,
+    },
     /// No drive was given.
     #[error("no drive is given: use --kitti with --sequence, --raw, --scans or --stitched")]
     NoSource,

@@ -23,11 +23,16 @@ pub struct GroundConfig {
     pub largest_step_m: f64,
     /// Points nearer than this to the height map are ground, metres.
     pub thickness_m: f64,
+    /// Least share of the driven path under which ground must be seen at the
+    /// vehicle's usual height, in the best window of a drive. Real drives show
+    /// it under more than half; under a tenth the axes of scans and poses do
+    /// not belong together.
+    pub least_under_path: f64,
 }
 
 impl Default for GroundConfig {
     fn default() -> Self {
-        Self { cell_m: 1.0, fewest_points: 4, largest_step_m: 0.3, thickness_m: 0.15 }
+        Self { cell_m: 1.0, fewest_points: 4, largest_step_m: 0.3, thickness_m: 0.15, least_under_path: 0.1 }
     }
 }
 
@@ -44,6 +49,7 @@ pub struct Ground {
     height_m: Vec<f64>,
     /// Whether ground was seen in the cell, not only continued into it.
     seen: Vec<bool>,
+    under_path: f64,
 }
 
 /// A height with a total order, for the queue.
@@ -101,7 +107,8 @@ impl Ground {
         let mut height_m = vec![f64::NAN; grid.len()];
         let mut seen = vec![false; grid.len()];
         let mut queue = BinaryHeap::new();
-        for (cell, h) in seeds(&grid, path, &camera_height, &candidate) {
+        let (seeds, under_path) = seeds(&grid, path, &camera_height, &candidate);
+        for (cell, h) in seeds {
             queue.push(Reverse((Step(0.0), cell, Step(h))));
         }
         while let Some(Reverse((_, cell, Step(from)))) = queue.pop() {
@@ -124,7 +131,7 @@ impl Ground {
             }
         }
         level_hidden(&grid, &mut height_m, &seen);
-        Self { grid, height_m, seen }
+        Self { grid, height_m, seen, under_path }
     }
 
     /// Height of the ground (along -y of the map, metres) at map (x, z),
@@ -148,6 +155,12 @@ impl Ground {
     /// Whether ground was seen in the cell that holds map (x, z).
     pub fn is_seen(&self, p: &Point2<f64>) -> bool {
         self.grid.index(p).is_some_and(|i| self.seen[i])
+    }
+
+    /// Share of the driven path under which ground was seen at the vehicle's
+    /// usual height.
+    pub fn under_path(&self) -> f64 {
+        self.under_path
     }
 
     /// The grid of the height map.
@@ -188,23 +201,30 @@ fn lowest_supported(counts: &[u16], sums: &[f32], fewest: u32) -> Option<f64> {
     })
 }
 
-/// Cells under the path at the camera's usual height above the ground.
-fn seeds(grid: &Grid, path: &Path, camera_height: &[f64], candidate: &[Option<f64>]) -> Vec<(usize, f64)> {
-    let mut under: Vec<(usize, f64)> = path
-        .vertices()
-        .iter()
-        .filter_map(|v| {
-            let cell = grid.index(&Point2::new(v.x, v.z))?;
-            Some((cell, candidate[cell]? - camera_height[cell]))
-        })
-        .collect();
+/// Cells under the path at the camera's usual height above the ground, and
+/// their share of all cells under the path.
+fn seeds(grid: &Grid, path: &Path, camera_height: &[f64], candidate: &[Option<f64>]) -> (Vec<(usize, f64)>, f64) {
+    let length_m = path.end_station_m() - path.start_station_m();
+    let steps = (length_m / grid.cell_m).ceil().max(1.0) as usize;
+    let cell_at = |step: usize| {
+        let station_m = path.start_station_m() + length_m * step as f64 / steps as f64;
+        let (point, _) = path.at(station_m);
+        grid.index(&Point2::new(point.x, point.z))
+    };
+    let mut cells: Vec<usize> = (0..=steps).filter_map(cell_at).collect();
+    cells.sort_unstable();
+    cells.dedup();
+    let mut under: Vec<(usize, f64)> =
+        cells.iter().filter_map(|&cell| Some((cell, candidate[cell]? - camera_height[cell]))).collect();
     under.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let Some(&(_, usual)) = under.get(under.len() / 2) else { return Vec::new() };
-    under
+    let Some(&(_, usual)) = under.get(under.len() / 2) else { return (Vec::new(), 0.0) };
+    let level: Vec<(usize, f64)> = under
         .into_iter()
         .filter(|(_, h)| (h - usual).abs() < 0.3)
         .map(|(cell, h)| (cell, h + camera_height[cell]))
-        .collect()
+        .collect();
+    let share = level.len() as f64 / cells.len() as f64;
+    (level, share)
 }
 
 #[cfg(test)]

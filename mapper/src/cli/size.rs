@@ -20,7 +20,7 @@ pub struct Size {
     #[arg(value_name = "MAP.csm")]
     map: PathBuf,
     /// Most bytes that the map may have; exit with 1 if it has more.
-    #[arg(long, value_name = "BYTES", required_unless_present = "curve")]
+    #[arg(long, value_name = "BYTES", conflicts_with = "json")]
     budget: Option<usize>,
     /// Print how well the map is expected to localize within 512, 1,024,
     /// 2,048 and 4,096 bytes, and whole.
@@ -78,6 +78,8 @@ impl Size {
             } else {
                 print(&format!("{}: {bytes} bytes\n{}", self.map.display(), table(&rows)));
             }
+        } else if self.budget.is_none() {
+            print(&format!("{}: {bytes} bytes\n", self.map.display()));
         }
         Ok(self.budget.map_or(Outcome::Done, |budget| within(&self.map, bytes, budget)))
     }

@@ -13,8 +13,7 @@ use crate::input::{Deskew, ScanInput, SurveyFrame, open_raw, open_scans, open_st
 #[derive(Debug, Args)]
 pub struct SourceArgs {
     /// KITTI odometry: the folder with `sequences/` and `poses/`.
-    #[arg(long, value_name = "ROOT", requires = "sequence",
-        required_unless_present_any = ["raw", "scans", "stitched", "print_config"])]
+    #[arg(long, value_name = "ROOT", requires = "sequence")]
     kitti: Option<PathBuf>,
     /// The drive of KITTI odometry, such as 04.
     #[arg(long, value_name = "NN", requires = "kitti")]
@@ -35,16 +34,16 @@ pub struct SourceArgs {
     #[arg(long, value_name = "POSES.txt")]
     survey: Option<PathBuf>,
     /// With --scans and --stitched: whose poses the survey holds.
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_enum, default_value_t, conflicts_with_all = ["kitti", "raw"])]
     survey_frame: SurveyFrame,
     /// With --scans: one time per scan, seconds [default: file names that are
-    /// times].
-    #[arg(long, value_name = "TIMES.txt")]
+    /// times]; with --stitched: one time per pose.
+    #[arg(long, value_name = "TIMES.txt", conflicts_with_all = ["kitti", "raw"])]
     scan_times: Option<PathBuf>,
     /// With --scans and --stitched: KITTI's `calib.txt`, whose `Tr` leads from
     /// the lidar to the camera [default: a camera at the lidar's place]. With
     /// --raw: the folder of the three files of the day.
-    #[arg(long, value_name = "PATH")]
+    #[arg(long, value_name = "PATH", conflicts_with = "kitti")]
     calib: Option<PathBuf>,
     /// With --raw and --scans: take out the motion during the lidar's turn, by
     /// the sense in which it turns, seen from above. Recordings of KITTI and

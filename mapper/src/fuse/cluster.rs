@@ -15,6 +15,9 @@ pub struct Place {
     pub class: u32,
 }
 
+/// For [`cluster`]: no two places of one pass are one, not even at one point.
+pub const NEVER_DOUBLE_M: f64 = f64::NEG_INFINITY;
+
 /// Groups places of different passes that lie within `within_m` of each other,
 /// near ones first: average linkage, so that a chain of neighbours does not
 /// become one. Places of one pass are one within `double_m` only: nearer than
@@ -116,6 +119,12 @@ mod tests {
     fn what_one_pass_saw_double_is_one() {
         let places = [at(0.0, 0), at(0.08, 0), at(0.04, 1), at(0.3, 0)];
         assert_eq!(cluster(&places, 0.5, 0.1), [vec![0, 1, 2], vec![3]]);
+    }
+
+    #[test]
+    fn at_one_point_two_of_one_pass_stay_two_where_none_is_double() {
+        let places = [at(0.0, 0), at(0.0, 0), at(0.0, 1)];
+        assert_eq!(cluster(&places, 0.5, NEVER_DOUBLE_M), [vec![0, 2], vec![1]]);
     }
 
     #[test]

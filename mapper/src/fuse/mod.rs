@@ -21,7 +21,7 @@ use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 pub use buckets::Buckets;
-pub use cluster::{Place, cluster};
+pub use cluster::{NEVER_DOUBLE_M, Place, cluster};
 pub use lanes::{FusedLane, LaneSample, fuse_lanes};
 pub use points::{fuse_poles, fuse_signs};
 pub(crate) use strands::length_m;

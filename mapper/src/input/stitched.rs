@@ -21,7 +21,7 @@ use tempfile::TempDir;
 use super::Source;
 use super::beams;
 use super::config::InputConfig;
-use super::formats::las_reader;
+use super::formats::{cut_off, las_reader};
 use super::scans::ScanInput;
 use super::survey::{Placement, Poses, assumed_times_s};
 use crate::drive::{Choice, Drive, Survey};
@@ -215,6 +215,7 @@ impl<'a> Cutter<'a> {
 
     fn cut(&self, cloud: &Path, folder: &Path, timed: bool) -> Result<Cut> {
         let mut reader = las_reader(cloud)?;
+        let promised = reader.header().number_of_points();
         let mut cut = Cut { points: 0, used: 0, largest_intensity: 0.0 };
         let mut held: Vec<Vec<u8>> = vec![Vec::new(); self.places.len()];
         let mut holding = 0;
@@ -250,6 +251,9 @@ impl<'a> Cutter<'a> {
                 self.put_away(folder, &mut held)?;
                 holding = 0;
             }
+        }
+        if (cut.points as u64) < promised {
+            return Err(cut_off(cloud, promised, cut.points));
         }
         self.put_away(folder, &mut held)?;
         Ok(cut)

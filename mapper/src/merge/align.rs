@@ -25,7 +25,7 @@ use super::solve::Equations;
 use super::source::Source;
 use super::votes::{Voter, agreeing_pairs};
 use super::witness::Witnesses;
-use crate::fuse::{Buckets, Place, cluster};
+use crate::fuse::{Buckets, NEVER_DOUBLE_M, Place, cluster};
 
 /// Largest distances at which landmarks are paired, metres, round by round.
 const GATES_M: [f64; 5] = [1.0, 0.8, 0.6, 0.5, 0.5];
@@ -307,7 +307,7 @@ impl<'a> Problem<'a> {
             class: mark.class,
         };
         let places: Vec<Place> = self.marks.iter().map(place).collect();
-        cluster(&places, within_m, 0.0).into_iter().filter(|members| members.len() > 1).collect()
+        cluster(&places, within_m, NEVER_DOUBLE_M).into_iter().filter(|members| members.len() > 1).collect()
     }
 
     fn states(&self, sources: &[Source], shared: &Shared, config: &MergeConfig) -> Vec<State> {

@@ -47,6 +47,22 @@ fn a_calibration_without_tr() {
 }
 
 #[test]
+fn a_calibration_of_other_axes() {
+    let root = plain();
+    let other: Vec<&str> = CALIBRATION
+        .lines()
+        .map(|line| if line.starts_with("Tr") { "Tr: 1 0 0 0 0 1 0 0 0 0 1 0" } else { line })
+        .collect();
+    std::fs::write(root.path().join("sequences/04/calib.txt"), other.join("\n")).unwrap();
+    build_of(root.path(), &[]).refused(&["ground lies level under", "check the calibration"]);
+}
+
+#[test]
+fn no_drive_at_all() {
+    run("mapper", &["build", "--out", "04.csm"]).refused(&["no drive is given", "--kitti", "--raw", "--scans"]);
+}
+
+#[test]
 fn poses_of_the_wrong_length() {
     let root = plain();
     let poses = root.path().join("poses/04.txt");

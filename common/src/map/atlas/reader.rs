@@ -83,6 +83,14 @@ pub struct Atlas {
     bytes_read: AtomicU64,
 }
 
+/// A walk down the index.
+struct Walk<'a> {
+    area: Option<&'a Area>,
+    each: &'a mut dyn FnMut(TilePlace) -> Result<()>,
+    /// Where the last part that was met of each level ended, bytes.
+    ends: Vec<u64>,
+}
+
 /// Whether a file begins as an atlas does.
 ///
 /// # Errors
@@ -140,7 +148,7 @@ impl Atlas {
     /// As [`Atlas::open`].
     pub fn tiles_in(&self, area: &Area) -> Result<Vec<TilePlace>> {
         let mut found = Vec::new();
-        self.each_touching(&self.root, self.header.levels.max(1), Counts::default(), Some(area), &mut |place| {
+        self.each_touching(Some(area), &mut |place| {
             found.push(place);
             Ok(())
         })?;
@@ -171,7 +179,7 @@ impl Atlas {
     /// `each` returns.
     pub fn read_all(&self, mut each: impl FnMut(&TilePlace, Tile) -> Result<()>) -> Result<()> {
         let mut at = HEADER_BYTES as u64;
-        self.each_touching(&self.root, self.header.levels.max(1), Counts::default(), None, &mut |place| {
+        self.each_touching(None, &mut |place| {
             if place.offset() != at {
                 return Err(self.malformed("tile", place.offset(), format!("should stand at byte {at}")));
             }
@@ -180,28 +188,41 @@ impl Atlas {
         })
     }
 
-    /// Goes down from `children`, which are nodes of `level` - 1 or tiles, to
-    /// all tiles that touch `area`, or to all.
-    fn each_touching(
-        &self,
-        children: &[Entry],
-        level: u8,
-        mut before: Counts,
-        area: Option<&Area>,
-        each: &mut dyn FnMut(TilePlace) -> Result<()>,
-    ) -> Result<()> {
+    /// Calls `each` with all tiles that touch `area`, or with all, in the order
+    /// of the file.
+    fn each_touching(&self, area: Option<&Area>, each: &mut dyn FnMut(TilePlace) -> Result<()>) -> Result<()> {
+        let level = self.header.levels.max(1);
+        let mut walk = Walk { area, each, ends: vec![0; usize::from(level) + 1] };
+        self.descend(&self.root, level, Counts::default(), &mut walk)
+    }
+
+    /// Goes down from `children`, which are nodes of `level` - 1 or tiles.
+    fn descend(&self, children: &[Entry], level: u8, mut before: Counts, walk: &mut Walk<'_>) -> Result<()> {
         for entry in children {
             let bounds = entry.bounds(self.header.grid);
-            if area.is_none_or(|area| area.touches(&bounds)) {
+            if walk.area.is_none_or(|area| area.touches(&bounds)) {
+                self.stand_in_a_row(entry, level, walk)?;
                 if level <= 1 {
-                    each(TilePlace { bounds, counts: entry.counts, before, entry: *entry })?;
+                    (walk.each)(TilePlace { bounds, counts: entry.counts, before, entry: *entry })?;
                 } else {
-                    self.each_touching(&self.children(entry)?, level - 1, before, area, each)?;
+                    self.descend(&self.children(entry)?, level - 1, before, walk)?;
                 }
             }
             // The counts of a level add up to 32-bit numbers: `children` has seen to it.
             before = before.checked_add(entry.counts).unwrap_or(before);
         }
+        Ok(())
+    }
+
+    /// The parts of one level stand in the file in the order of the walk. So
+    /// none comes twice, and a walk is never longer than the file.
+    fn stand_in_a_row(&self, entry: &Entry, level: u8, walk: &mut Walk<'_>) -> Result<()> {
+        let Some(end) = walk.ends.get_mut(usize::from(level)) else { return Ok(()) };
+        let part = if level <= 1 { "tile" } else { "index node" };
+        if entry.offset < *end {
+            return Err(self.malformed(part, entry.offset, format!("should not begin before byte {end}")));
+        }
+        *end = entry.end().unwrap_or(u64::MAX);
         Ok(())
     }
 
@@ -220,6 +241,7 @@ impl Atlas {
         let children: Vec<Entry> = std::iter::from_fn(|| Entry::read(&mut rest)).collect();
         let is_inside = |child: &Entry| {
             child.counts.tiles > 0
+                && child.length > 0
                 && child.offset >= HEADER_BYTES as u64
                 && child.end().is_some_and(|end| end <= node.offset)
                 && node.contains(child)

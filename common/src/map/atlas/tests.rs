@@ -204,6 +204,15 @@ fn an_index_that_points_outside_is_refused() {
 }
 
 #[test]
+fn an_index_that_names_a_tile_twice_is_refused() {
+    let bytes = with_node(|node| node.copy_within(..ENTRY_BYTES, ENTRY_BYTES));
+    let atlas = Atlas::open(&OnDisk::new(&bytes).path).unwrap();
+    let everywhere = Area { min_xz: [-1e9; 2], max_xz: [1e9; 2] };
+    let said = atlas.tiles_in(&everywhere).unwrap_err().to_string();
+    assert!(said.contains("tile at byte 146") && said.contains("should not begin before byte"), "{said}");
+}
+
+#[test]
 fn a_header_that_cannot_be_is_refused() {
     let said = |at: usize, value: &[u8]| {
         let mut bytes = documented();

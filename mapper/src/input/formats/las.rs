@@ -22,6 +22,11 @@ pub fn reader(path: &Path) -> Result<Reader> {
     Reader::from_path(path).map_err(|e| Error::las(path, &e))
 }
 
+/// The error of a file that ends before the points that its header promises.
+pub fn cut_off(path: &Path, promised: u64, points: usize) -> Error {
+    bad(path, format!("its header promises {promised} points and {points} are there; copy it again"))
+}
+
 /// Reads a scan.
 pub fn read(path: &Path) -> Result<Points> {
     let mut reader = reader(path)?;
@@ -41,10 +46,7 @@ pub fn read(path: &Path) -> Result<Points> {
         }));
     }
     if (all.points.len() as u64) < promised {
-        return Err(bad(
-            path,
-            format!("its header promises {promised} points and {} are there; copy it again", all.points.len()),
-        ));
+        return Err(cut_off(path, promised, all.points.len()));
     }
     Ok(all)
 }

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use common::kitti::{Scan, ScanPoint, read_scan};
 
-pub use self::las::reader as las_reader;
+pub use self::las::{cut_off, reader as las_reader};
 use super::beams;
 use crate::error::{Error, Result};
 

@@ -3,6 +3,7 @@
 use common::geometry::Pose;
 use common::map::{LaneKind, LaneLine, Pole, RoadId, SemanticMap, Sign};
 use nalgebra::Point3;
+use rayon::prelude::*;
 
 use crate::cloud::Cloud;
 use crate::config::Config;
@@ -189,7 +190,10 @@ pub fn find_lanes(cloud: &Cloud, config: &Config) -> Vec<LanePiece> {
     let paint = Paint::of(cloud, &config.lanes);
     let (from, to) = (cloud.path.start_station_m(), cloud.path.end_station_m());
     let windows = find_lines(&paint, from, to, &config.lanes);
-    join(&windows, &config.lanes).iter().flat_map(|chain| describe(chain, &paint, cloud, &config.lanes)).collect()
+    let chains = join(&windows, &config.lanes);
+    let pieces: Vec<Vec<LanePiece>> =
+        chains.par_iter().map(|chain| describe(chain, &paint, cloud, &config.lanes)).collect();
+    pieces.into_iter().flatten().collect()
 }
 
 /// Cuts a lane line where one road ends and the next begins, and at the

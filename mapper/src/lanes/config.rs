@@ -25,22 +25,82 @@ pub struct LaneConfig {
     /// Half width of a line, metres: broad lines are 0.25 m wide, registration
     /// and beams add some centimetres.
     pub half_line_m: f64,
-    /// Length of the bins in which paint is counted along a line, metres.
+    /// How far beside a line, to both sides, the paint of as wide a strip is
+    /// taken off that on it, metres: beyond the broadest line and its
+    /// neighbour in a double line.
+    pub beside_line_m: f64,
+    /// Length of the bins in which paint is counted in a window, metres.
     pub bin_m: f64,
-    /// Least share of paint among the road points of a bin that is painted:
-    /// half a bin's width is beside the line, and beams miss worn paint.
+    /// Length of the bins in which paint is told from asphalt along a line that
+    /// was found, metres: a third of the shortest gap.
+    pub profile_m: f64,
+    /// Half width of the core of a line, metres: narrow lines are 0.1 m wide.
+    pub half_core_m: f64,
+    /// Share of paint among the road points on a painted core to begin with:
+    /// beams see some of the paint as asphalt.
+    pub usual_share: f64,
+    /// Least such share of a line: less is a texture.
     pub least_bright_share: f64,
-    /// Least share of a window's bins with paint: a dash of 3 m in 12 m.
+    /// Least share of bright points on bare asphalt: its grains.
+    pub least_bare_share: f64,
+    /// How many times over it must exceed the share beside the line.
+    pub least_share_ratio: f64,
+    /// Points of paint on a line in a window, at most, that one bin counts for:
+    /// near the path a blot has hundreds.
+    pub most_bin_points: u16,
+    /// Fewest points of paint, on average, in a painted bin.
+    pub fewest_bin_points: f64,
+    /// Least significance of a line in a window: points of paint more than
+    /// beside it, over the square root of those.
+    pub least_significance: f64,
+    /// What a point says as a share of what it would if all were independent:
+    /// several of one ring fall on the same spot.
+    pub evidence_share: f64,
+    /// Most that one bin says for or against paint, natural logarithm of odds.
+    pub most_evidence: f64,
+    /// Cost of a change between painted and bare, natural logarithm of odds: of
+    /// the bins of a dashed line one in twelve begins or ends a dash.
+    pub change_cost: f64,
+    /// Least share of a window's bins with paint, and of a dashed line's
+    /// length: a dash of 3 m in 12 m, and some of it unseen.
     pub least_painted: f64,
-    /// Largest share of paint points beside the line over those on it: more
-    /// is a texture, a crossing or an arrow, no line.
-    pub largest_clutter: f64,
-    /// Shortest line kept, metres: arrows are shorter.
+    /// Least length of what counts as paint, metres: half of the shortest
+    /// dash in use.
+    pub shortest_blot_m: f64,
+    /// Fewest points of paint of it: a stray or two are grains of the asphalt.
+    pub fewest_blot_points: f64,
+    /// Shortest bare length between two dashes, metres: the shortest gaps in
+    /// use are 1 m, less a beam's footprint.
+    pub shortest_gap_m: f64,
+    /// Shortest line kept, metres: arrows are shorter, and so are the fords
+    /// across side streets.
     pub shortest_m: f64,
+    /// Share of the bins of a line with paint right beside it from which on it
+    /// is the border of a hatched area.
+    pub hatched_share: f64,
+    /// The same from which on dashes, or a line with paint on both sides, are
+    /// part of a crossing or of an area.
+    pub largest_striped_share: f64,
+    /// Largest angle of such a border to the path, radians: one that runs
+    /// from one lane line to the next bounds no lane.
+    pub largest_hatched_rad: f64,
     /// Fewest dashes of a dashed line: an arrow or a letter is one blot.
     pub fewest_dashes: usize,
-    /// Shortest dash, metres of painted bins: the shortest in use are 1.5 m.
+    /// Shortest dash, metres, as it looks: the shortest in use are 1 m, those
+    /// of crossings 0.5 m.
     pub shortest_dash_m: f64,
+    /// Shortest line of nothing but dashes, metres: two periods of the longest
+    /// patterns in use; the fords across side streets are shorter.
+    pub shortest_dashed_m: f64,
+    /// Longest stretch without a point of paint that paint goes on over where
+    /// the road is hardly seen, metres.
+    pub longest_unseen_m: f64,
+    /// Least share of the bins of a solid line with a point of paint: of what
+    /// was seen less often nobody knows where its gaps are.
+    pub least_seen_share: f64,
+    /// Longest dash, metres: longer paint is a solid line. The longest in use
+    /// are 9 m.
+    pub longest_dash_m: f64,
     /// Heights above ground between which walls, fences and hedges are seen,
     /// metres: kerbs are lower.
     pub wall_m: [f64; 2],
@@ -59,8 +119,6 @@ pub struct LaneConfig {
     /// Longest gap joined within one line, metres: the longest dash gap in
     /// use on urban and rural roads.
     pub longest_gap_m: f64,
-    /// Share of painted bins from which on a line is solid.
-    pub solid_share: f64,
     /// Least distance of two lines, metres: double lines count as one.
     pub apart_m: f64,
     /// Lateral tolerance of the polyline, metres.
@@ -83,13 +141,34 @@ impl Default for LaneConfig {
             step_m: 6.0,
             largest_angle_rad: 0.1,
             half_line_m: 0.12,
+            beside_line_m: 0.32,
             bin_m: 0.5,
-            least_bright_share: 0.2,
-            least_painted: 0.2,
-            largest_clutter: 0.5,
-            shortest_m: 10.0,
+            profile_m: 0.25,
+            half_core_m: 0.07,
+            usual_share: 0.35,
+            least_bright_share: 0.22,
+            least_bare_share: 0.02,
+            least_share_ratio: 4.0,
+            most_bin_points: 6,
+            fewest_bin_points: 2.0,
+            least_significance: 4.0,
+            evidence_share: 0.5,
+            most_evidence: 3.0,
+            change_cost: 2.5,
+            least_painted: 0.15,
+            shortest_blot_m: 0.5,
+            fewest_blot_points: 3.0,
+            shortest_gap_m: 0.75,
+            shortest_m: 12.0,
+            hatched_share: 0.2,
+            largest_striped_share: 0.5,
+            largest_hatched_rad: 0.025,
             fewest_dashes: 3,
-            shortest_dash_m: 1.5,
+            shortest_dash_m: 0.9,
+            shortest_dashed_m: 18.0,
+            longest_unseen_m: 4.0,
+            least_seen_share: 0.4,
+            longest_dash_m: 9.5,
             wall_m: [0.25, 1.5],
             wall_within_m: 0.45,
             fewest_wall_scans: 6,
@@ -97,7 +176,6 @@ impl Default for LaneConfig {
             least_walled_contrast: 5.7,
             largest_spread_m: 0.1,
             longest_gap_m: 13.0,
-            solid_share: 0.7,
             apart_m: 0.4,
             tolerance_m: 0.03,
             height_tolerance_m: 0.06,

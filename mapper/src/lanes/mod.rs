@@ -1,14 +1,23 @@
-//! Lane lines: paint that is bright for its beam and range, RANSAC lines in
-//! windows along the path, joined across dash gaps into polylines.
+//! Lane lines: paint that is bright for its beam and range, straight
+//! lines in windows along the path, joined into chains, cut where what is
+//! painted changes, and described as polylines.
 
 mod chains;
 mod config;
 mod contrast;
+mod kinds;
+mod paint;
 mod polyline;
+mod profile;
+mod simplify;
+#[cfg(test)]
+mod tests;
 mod windows;
 
 pub use chains::{Chain, join};
 pub use config::LaneConfig;
 pub use contrast::{ContrastConfig, contrast};
-pub use polyline::{LanePiece, describe, simplify};
-pub use windows::{Paint, PathPoint, WindowLine, find_lines};
+pub use paint::{Paint, PathPoint};
+pub use polyline::{LanePiece, describe};
+pub use simplify::{fitted, simplify};
+pub use windows::{WindowLine, find_lines};

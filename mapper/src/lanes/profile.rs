@@ -1,0 +1,228 @@
+//! What is painted along a line: bins of its length, and their runs.
+
+use std::ops::Range;
+
+use super::paint::{Paint, PathPoint, between};
+use super::{Chain, LaneConfig};
+
+/// A bin of the length of a line.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Bin {
+    /// Station of its middle, metres.
+    pub station_m: f64,
+    /// Offset of the line there, metres.
+    pub offset_m: f64,
+    /// Whether the line is painted here, seen or not.
+    pub painted: bool,
+    /// Points of paint on the line's core, and all road points on it.
+    pub core: Share,
+    /// The same to the left and to the right of the line.
+    pub beside: [Share; 2],
+    /// Points of paint on the whole width of the line.
+    pub bright: f64,
+    /// Mean distance of these to the right of the line, metres.
+    pub off_m: f64,
+    /// Mean contrast of these, standard deviations.
+    pub contrast: f64,
+}
+
+/// Points of paint among road points.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Share {
+    /// Points of paint.
+    pub bright: f64,
+    /// Road points, paint or not.
+    pub road: f64,
+}
+
+impl Share {
+    fn plus(self, other: Self) -> Self {
+        Self { bright: self.bright + other.bright, road: self.road + other.road }
+    }
+
+    fn value(self) -> f64 {
+        self.bright / self.road.max(1.0)
+    }
+}
+
+/// Shares of paint points where a line is painted and where it is bare.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shares {
+    /// On painted bins.
+    pub painted: f64,
+    /// Beside the line, on its clearer side.
+    pub bare: f64,
+}
+
+/// The bins along a chain, and how clearly its paint differs from what is
+/// beside it.
+pub fn profile(chain: &Chain, paint: &Paint, config: &LaneConfig) -> (Vec<Bin>, Shares) {
+    let mut shares = Shares { painted: config.usual_share, bare: config.least_bare_share };
+    let (Some(first), Some(last)) = (chain.lines.first(), chain.lines.last()) else {
+        return (Vec::new(), shares);
+    };
+    let from_m = first.centre_m - config.window_m / 2.0;
+    let length_m = last.centre_m + config.window_m / 2.0 - from_m;
+    let mut bins: Vec<Bin> = (0..(length_m / config.profile_m).ceil() as usize)
+        .map(|i| {
+            let station_m = from_m + (i as f64 + 0.5) * config.profile_m;
+            Bin { station_m, offset_m: chain.offset_m(station_m), ..Bin::default() }
+        })
+        .collect();
+    // Windows are straight, the line is not quite: what is painted is asked
+    // again once the line is where its paint is.
+    for half_m in [config.half_line_m, config.half_core_m] {
+        for bin in &mut bins {
+            fill(bin, paint, half_m, config);
+        }
+        shares = decide(&mut bins, config);
+        let smooth = smoothed(&bins, config);
+        for (bin, offset_m) in bins.iter_mut().zip(smooth) {
+            if let Some(offset_m) = offset_m {
+                bin.off_m += bin.offset_m - offset_m;
+                bin.offset_m = offset_m;
+            }
+        }
+    }
+    (bins, shares)
+}
+
+fn fill(bin: &mut Bin, paint: &Paint, half_m: f64, config: &LaneConfig) {
+    let (from_m, to_m) = (bin.station_m - config.profile_m / 2.0, bin.station_m + config.profile_m / 2.0);
+    let offset_m = bin.offset_m;
+    let (near_m, far_m) = (config.beside_line_m - config.half_line_m, config.beside_line_m + config.half_line_m);
+    (bin.core, bin.beside) = (Share::default(), [Share::default(); 2]);
+    let mut count = |points: &[PathPoint], add: &dyn Fn(&mut Share)| {
+        for p in points {
+            let off_m = p.offset_m - offset_m;
+            if off_m.abs() <= half_m {
+                add(&mut bin.core);
+            } else if (near_m..far_m).contains(&off_m.abs()) {
+                add(&mut bin.beside[usize::from(off_m > 0.0)]);
+            }
+        }
+    };
+    let bright = between(&paint.bright, from_m, to_m);
+    count(bright, &|share| share.bright += 1.0);
+    count(between(&paint.road, from_m, to_m), &|share| share.road += 1.0);
+    let on: Vec<(f64, f64)> = bright
+        .iter()
+        .map(|p| (p.offset_m - offset_m, f64::from(p.contrast)))
+        .filter(|(off_m, _)| off_m.abs() <= config.half_line_m)
+        .collect();
+    bin.bright = on.len() as f64;
+    bin.off_m = on.iter().map(|p| p.0).sum::<f64>() / bin.bright.max(1.0);
+    bin.contrast = on.iter().map(|p| p.1).sum::<f64>() / bin.bright.max(1.0);
+}
+
+/// Rounds of estimating the share of paint points and what is painted.
+const ROUNDS: usize = 3;
+
+/// Decides what is painted: the likeliest sequence of painted and bare bins
+/// (Viterbi 1967), and the share of paint points that it is told by.
+fn decide(bins: &mut [Bin], config: &LaneConfig) -> Shares {
+    let side = |k: usize| bins.iter().fold(Share::default(), |sum, b| sum.plus(b.beside[k])).value();
+    let bare = side(0).min(side(1)).clamp(config.least_bare_share, 0.5);
+    let mut shares = Shares { painted: config.usual_share.max(2.0 * bare), bare };
+    let mut share = 0.0;
+    for _ in 0..ROUNDS {
+        likeliest(bins, shares, config);
+        share = bins.iter().filter(|b| b.painted).fold(Share::default(), |sum, b| sum.plus(b.core)).value();
+        shares.painted = share.clamp(f64::max(config.least_bright_share / 2.0, 2.0 * bare).min(0.9), 0.9);
+    }
+    forget_unseen(bins, config);
+    // A run that is shorter than a dash, or of a point or two, is no paint.
+    for run in runs(bins, config) {
+        let points: f64 = bins[run.clone()].iter().map(|b| b.core.bright).sum();
+        if (run.len() as f64) * config.profile_m < config.shortest_blot_m || points < config.fewest_blot_points {
+            bins[run].iter_mut().for_each(|b| b.painted = false);
+        }
+    }
+    Shares { painted: share, bare }
+}
+
+/// Paint that nobody saw: where nothing tells, the likeliest is what was there
+/// before. It stands over short stretches between two points of paint only.
+fn forget_unseen(bins: &mut [Bin], config: &LaneConfig) {
+    let most = (config.longest_unseen_m / config.profile_m) as usize;
+    let mut start = 0;
+    for i in 0..=bins.len() {
+        let is_seen = bins.get(i).is_none_or(|b| b.core.bright > 0.0 || !b.painted);
+        if is_seen {
+            let unseen = start..i;
+            let at_end = |b: Option<&Bin>| b.is_none_or(|b| !b.painted);
+            let before = start.checked_sub(1).and_then(|k| bins.get(k));
+            if unseen.len() > most || at_end(before) || at_end(bins.get(i)) {
+                bins[unseen].iter_mut().for_each(|b| b.painted = false);
+            }
+            start = i + 1;
+        }
+    }
+}
+
+/// Sets which bins are painted, by the likeliest sequence of both states.
+fn likeliest(bins: &mut [Bin], shares: Shares, config: &LaneConfig) {
+    let (more, less) = ((shares.painted / shares.bare).ln(), ((1.0 - shares.painted) / (1.0 - shares.bare)).ln());
+    // Points of one ring on one dash are no independent witnesses.
+    let evidence = |b: &Bin| {
+        let of_all = b.core.bright * more + (b.core.road - b.core.bright).max(0.0) * less;
+        (of_all * config.evidence_share).clamp(-config.most_evidence, config.most_evidence)
+    };
+    // For each bin and state: whether the best way to it came from the other.
+    let mut changed: Vec<[bool; 2]> = Vec::with_capacity(bins.len());
+    let (mut bare, mut painted) = (0.0_f64, 0.0_f64);
+    for bin in bins.iter() {
+        let to_bare = painted - config.change_cost > bare;
+        let to_painted = bare - config.change_cost > painted;
+        let (b, p) = (bare.max(painted - config.change_cost), painted.max(bare - config.change_cost));
+        (bare, painted) = (b, p + evidence(bin));
+        changed.push([to_bare, to_painted]);
+    }
+    let mut is_painted = painted > bare;
+    for (bin, changed) in bins.iter_mut().zip(changed).rev() {
+        bin.painted = is_painted;
+        is_painted ^= changed[usize::from(is_painted)];
+    }
+}
+
+/// Runs of paint without a gap: indices of bins.
+pub fn runs(bins: &[Bin], config: &LaneConfig) -> Vec<Range<usize>> {
+    let mut runs: Vec<Range<usize>> = Vec::new();
+    for i in (0..bins.len()).filter(|i| bins[*i].painted) {
+        match runs.last_mut() {
+            Some(run) if ((i - run.end) as f64) * config.profile_m < config.shortest_gap_m => run.end = i + 1,
+            _ => runs.push(i..i + 1),
+        }
+    }
+    runs
+}
+
+/// Offset of the line in each bin: the local straight line through the painted
+/// bins around it; the window widens over gaps.
+fn smoothed(bins: &[Bin], config: &LaneConfig) -> Vec<Option<f64>> {
+    let painted: Vec<(f64, f64)> =
+        bins.iter().filter(|b| b.painted && b.bright > 0.0).map(|b| (b.station_m, b.offset_m + b.off_m)).collect();
+    // As much paint as a solid line has within the window; the window widens
+    // over gaps until it is found.
+    let fewest = (config.smooth_m * 1.5 / config.profile_m) as usize;
+    let at = |station_m: f64| {
+        let wider = [1.0, 2.0, 4.0, 8.0];
+        wider.iter().find_map(|w| local_line(&painted, station_m, config.smooth_m * w, fewest))
+    };
+    bins.iter().map(|b| at(b.station_m)).collect()
+}
+
+/// Value at `at` of the straight line through the samples `(place, value)`,
+/// sorted by place, within `half` of it; none where fewer than `fewest` are
+/// near.
+pub fn local_line(samples: &[(f64, f64)], at: f64, half: f64, fewest: usize) -> Option<f64> {
+    let from = samples.partition_point(|s| s.0 < at - half);
+    let to = samples.partition_point(|s| s.0 <= at + half);
+    let near = samples.get(from..to).filter(|near| near.len() >= fewest.max(1))?;
+    let n = near.len() as f64;
+    let (mt, mv) = near.iter().fold((0.0, 0.0), |s, p| (s.0 + (p.0 - at) / n, s.1 + p.1 / n));
+    let (tt, tv) =
+        near.iter().map(|p| (p.0 - at - mt, p.1 - mv)).fold((0.0, 0.0), |s, (t, v)| (s.0 + t * t, s.1 + t * v));
+    // One squared window of prior on a level line.
+    Some(mv - tv / (tt + half * half) * mt)
+}

@@ -1,0 +1,122 @@
+//! What is a lane line and what is not, on made-up streets.
+
+use common::map::LaneKind;
+use nalgebra::Point3;
+
+use super::LanePiece;
+use crate::Config;
+use crate::build::find_lanes;
+use crate::testing::{CAMERA_HEIGHT_M, Street};
+
+/// Paint along map z from a place to another, x a function of z.
+fn paint(street: &mut Street, from_to_m: (f64, f64), x: impl Fn(f64) -> f64, is_painted: impl Fn(f64) -> bool) {
+    for i in 0..((from_to_m.1 - from_to_m.0) / 0.04) as i32 {
+        let z = from_to_m.0 + f64::from(i) * 0.04;
+        if is_painted(z) {
+            let wobble = 0.04 * (f64::from(i) * 1.7).sin();
+            let scan = (z / 6.0).clamp(0.0, 9.0) as u16;
+            street.add(Point3::new(x(z) + wobble, CAMERA_HEIGHT_M, z), scan, 0.5, Some(8.0));
+        }
+    }
+}
+
+/// Paint along map x, from a place to another.
+fn paint_across(street: &mut Street, z: f64, from_to_m: (f64, f64)) {
+    for i in 0..((from_to_m.1 - from_to_m.0) / 0.04) as i32 {
+        let (x, wobble) = (from_to_m.0 + f64::from(i) * 0.04, 0.04 * (f64::from(i) * 1.7).sin());
+        street.add(Point3::new(x, CAMERA_HEIGHT_M, z + wobble), (z / 6.0) as u16, 0.5, Some(8.0));
+    }
+}
+
+fn found(street: Street) -> Vec<LanePiece> {
+    let mut pieces = find_lanes(&street.cloud(), &Config::default());
+    pieces.sort_by(|a, b| {
+        let key = |p: &LanePiece| (p.points_map[0].x.round(), p.points_map[0].z);
+        key(a).partial_cmp(&key(b)).unwrap()
+    });
+    pieces
+}
+
+fn length_m(piece: &LanePiece) -> f64 {
+    piece.stations_m[piece.stations_m.len() - 1] - piece.stations_m[0]
+}
+
+#[test]
+fn solid_and_dashed_lines_are_told_apart_and_an_arrow_is_neither() {
+    let mut street = Street::new();
+    paint(&mut street, (0.0, 60.0), |_| 1.75, |_| true);
+    paint(&mut street, (0.0, 60.0), |_| -1.75, |z| z % 12.0 < 4.0);
+    // An arrow 5 m long in the middle of the lane.
+    for side in [-0.1, 0.0, 0.1] {
+        paint(&mut street, (20.0, 25.0), |_| side, |_| true);
+    }
+    let pieces = found(street);
+    let kinds: Vec<LaneKind> = pieces.iter().map(|p| p.kind).collect();
+    assert_eq!(kinds, [LaneKind::Dashed, LaneKind::Solid]);
+    for (piece, x) in pieces.iter().zip([-1.75, 1.75]) {
+        assert!(piece.points_map.len() <= 3, "a straight line needs no more vertices: {:?}", piece.points_map);
+        assert!(piece.points_map.iter().all(|p| (p.x - x).abs() < 0.03 && (p.y - CAMERA_HEIGHT_M).abs() < 0.03));
+        assert!(length_m(piece) > 50.0, "{}", length_m(piece));
+    }
+}
+
+#[test]
+fn a_line_that_changes_from_solid_to_dashed_is_cut_there_and_has_no_hole() {
+    let mut street = Street::new();
+    paint(&mut street, (0.0, 60.0), |_| 1.75, |z| z < 24.0 || z % 6.0 < 3.0);
+    let pieces = found(street);
+    let kinds: Vec<LaneKind> = pieces.iter().map(|p| p.kind).collect();
+    assert_eq!(kinds, [LaneKind::Solid, LaneKind::Dashed]);
+    let (end, start) = (pieces[0].points_map.last().unwrap().z, pieces[1].points_map[0].z);
+    // The first dash touches the solid line.
+    assert!((end - 27.0).abs() < 1.0 && (end - start).abs() < 0.6, "{end} {start}");
+}
+
+#[test]
+fn the_border_of_a_hatched_area_that_runs_from_line_to_line_is_none_and_the_line_beside_it_is() {
+    let mut street = Street::new();
+    paint(&mut street, (0.0, 60.0), |_| 1.75, |_| true);
+    paint(&mut street, (10.0, 50.0), |z| 2.0 + 0.06 * (z - 10.0), |_| true);
+    for k in 0..18 {
+        let z = 12.0 + f64::from(k) * 2.0;
+        for thick in [0.0, 0.15, 0.3, 0.45] {
+            paint_across(&mut street, z + thick, (2.0, 2.0 + 0.06 * (z - 10.0)));
+        }
+    }
+    let pieces = found(street);
+    assert_eq!(pieces.len(), 1, "{pieces:?}");
+    assert!(pieces[0].points_map.iter().all(|p| (p.x - 1.75).abs() < 0.05), "{pieces:?}");
+}
+
+#[test]
+fn a_stop_line_is_no_lane_line() {
+    let mut street = Street::new();
+    paint_across(&mut street, 45.0, (-6.0, 6.0));
+    assert!(found(street).is_empty());
+}
+
+#[test]
+fn a_bright_strip_before_a_wall_is_no_line_and_paint_before_it_is() {
+    for (contrast, lines) in [(4.5, 0), (8.0, 1)] {
+        let mut street = Street::new();
+        for i in 0..1500 {
+            let (z, wobble) = (f64::from(i) * 0.04, 0.04 * (f64::from(i) * 1.7).sin());
+            let at = Point3::new(5.0 + wobble, CAMERA_HEIGHT_M, z);
+            street.add(at, (i % 10) as u16, 0.4, Some(contrast));
+        }
+        street.add_wall(5.3, 0.0..60.0, 1.5);
+        assert_eq!(found(street).len(), lines, "{contrast}");
+    }
+}
+
+#[test]
+fn what_is_bright_here_and_there_like_grass_is_no_line() {
+    let mut street = Street::new();
+    for i in 0..12_000_i32 {
+        // Two irrational steps: even over the strip, in no order.
+        let (x, z) = ((f64::from(i) * 0.618_034).fract() * 4.0 + 3.0, (f64::from(i) * 0.414_214).fract() * 60.0);
+        let contrast = if i % 8 == 0 { 4.0 } else { 0.0 };
+        street.add(Point3::new(x, CAMERA_HEIGHT_M, z), (z / 6.0) as u16, 0.4, Some(contrast));
+    }
+    assert!(found(street).is_empty());
+}

@@ -1,7 +1,7 @@
 //! A map against the truth of a generated drive.
 
 use common::geometry::Pose;
-use common::map::{LaneLine, Pole, PoleKind, SemanticMap, Sign, SignKind};
+use common::map::{LaneKind, LaneLine, Pole, PoleKind, SemanticMap, Sign, SignKind};
 use fixtures::truth::{TruePole, Truth};
 use nalgebra::{Matrix3, Point2, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -64,6 +64,8 @@ pub struct MapScore {
     pub lights: Found,
     /// Lane lines by length in metres; `off_m` is across them.
     pub lanes: Found,
+    /// Share of the found length that the map has as solid or dashed, as it is.
+    pub lane_kinds: f64,
     /// True poles that are missing.
     pub missed: Vec<TruePole>,
     /// Poles of the map that are none.
@@ -86,7 +88,7 @@ pub fn score(map: &SemanticMap, truth: &Truth, exact: &[Pose], within_m: f64) ->
         let claimed: Vec<&Sign> = map.signs.iter().filter(|sign| sign.kind == kind).collect();
         *found = signs(&claimed, &wanted, &counts);
     }
-    score.lanes = lanes(map, truth, &counts);
+    (score.lanes, score.lane_kinds) = lanes(map, truth, &counts);
     score
 }
 
@@ -201,27 +203,41 @@ fn signs(claimed: &[&Sign], wanted: &[Point3<f64>], counts: &dyn Fn(&Point3<f64>
     found
 }
 
-fn lanes(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool) -> Found {
-    let points = |lane: &LaneLine| lane.points_map.clone();
-    let claimed: Vec<Vec<Point3<f64>>> = map.lanes.iter().map(points).collect();
-    let wanted: Vec<Vec<Point3<f64>>> =
-        truth.lanes.iter().map(|lane| lane.points_map_m.iter().map(|p| Point3::from(*p)).collect()).collect();
-    let mut squares = Vec::new();
-    let mut covered = |lines: &[Vec<Point3<f64>>], others: &[Vec<Point3<f64>>], keep: bool| {
-        let samples: Vec<Point3<f64>> = lines.iter().flat_map(|line| sampled(line)).filter(|p| counts(p)).collect();
-        let near = samples.iter().filter(|sample| {
-            let off_m = others.iter().map(|line| distance_m(sample, line)).fold(f64::INFINITY, f64::min);
-            let is_near = off_m < LANE_WITHIN_M;
-            if is_near && keep {
-                squares.push(off_m * off_m);
+/// Lane lines found, and the share of their length with the right kind.
+fn lanes(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool) -> (Found, f64) {
+    let kind = |lane: &LaneLine| match lane.kind {
+        LaneKind::Solid => "solid",
+        LaneKind::Dashed => "dashed",
+    };
+    let claimed: Vec<(&str, Vec<Point3<f64>>)> =
+        map.lanes.iter().map(|lane| (kind(lane), lane.points_map.clone())).collect();
+    let wanted: Vec<(&str, Vec<Point3<f64>>)> = truth
+        .lanes
+        .iter()
+        .map(|lane| (lane.kind.as_str(), lane.points_map_m.iter().map(|p| Point3::from(*p)).collect()))
+        .collect();
+    let (mut squares, mut right_kind) = (Vec::new(), 0.0);
+    let mut covered = |lines: &[(&str, Vec<Point3<f64>>)], others: &[(&str, Vec<Point3<f64>>)], keep: bool| {
+        let (mut near, mut all) = (0.0, 0.0);
+        for (kind, line) in lines {
+            for sample in sampled(line).iter().filter(|p| counts(p)) {
+                all += SAMPLE_M;
+                let nearest = others.iter().map(|(kind, line)| (distance_m(sample, line), kind));
+                let Some((off_m, found)) = nearest.min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
+                if off_m < LANE_WITHIN_M {
+                    near += SAMPLE_M;
+                    if keep {
+                        squares.push(off_m * off_m);
+                        right_kind += if found == kind { SAMPLE_M } else { 0.0 };
+                    }
+                }
             }
-            is_near
-        });
-        (near.count() as f64 * SAMPLE_M, samples.len() as f64 * SAMPLE_M)
+        }
+        (near, all)
     };
     let (hits, wanted_m) = covered(&wanted, &claimed, true);
     let (right, claimed_m) = covered(&claimed, &wanted, false);
-    Found { wanted: wanted_m, hits, claimed: claimed_m, right, off_m: rms(&squares) }
+    (Found { wanted: wanted_m, hits, claimed: claimed_m, right, off_m: rms(&squares) }, share(right_kind, hits))
 }
 
 /// Points along a polyline.
@@ -251,7 +267,7 @@ fn distance_m(point: &Point3<f64>, line: &[Point3<f64>]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use common::map::{LaneKind, RoadId};
+    use common::map::RoadId;
     use fixtures::truth::{TrueLane, TrueSign};
 
     use super::*;
@@ -306,6 +322,15 @@ mod tests {
     }
 
     #[test]
+    fn a_dashed_line_that_the_map_has_as_solid_is_found_and_of_the_wrong_kind() {
+        let path: Vec<Pose> = (0..20).map(|z| Pose::translation(0.0, 0.0, f64::from(z))).collect();
+        let mut truth = truth();
+        truth.lanes[0].kind = "dashed".into();
+        let score = score(&map(), &truth, &path, 20.0);
+        assert!((score.lanes.recall() - 0.5).abs() < 0.02 && score.lane_kinds < 1e-12);
+    }
+
+    #[test]
     fn misses_false_ones_and_errors_are_counted_within_reach_only() {
         let path: Vec<Pose> = (0..20).map(|z| Pose::translation(0.0, 0.0, f64::from(z))).collect();
         let score = score(&map(), &truth(), &path, 20.0);
@@ -317,5 +342,6 @@ mod tests {
         assert!((score.lanes.recall() - 0.5).abs() < 0.02, "{:?}", score.lanes);
         assert!((score.lanes.precision() - 10.25 / 12.5).abs() < 0.03);
         assert!((score.lanes.off_m - 0.05).abs() < 0.01);
+        assert!((score.lane_kinds - 1.0).abs() < 1e-12);
     }
 }

@@ -59,6 +59,7 @@ fn print(score: &MapScore, arguments: &Arguments) {
         score.foot_height_m,
         score.tilt_rad.to_degrees()
     );
+    println!("lanes: {:.3} of the found length solid or dashed as it is", score.lane_kinds);
     if arguments.list {
         for pole in &score.missed {
             let [x, _, z] = pole.foot_map_m;

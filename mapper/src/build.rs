@@ -10,7 +10,7 @@ use crate::config::Config;
 use crate::drive::Drive;
 use crate::error::{Error, Result};
 use crate::evidence::EvidenceBook;
-use crate::lanes::{LanePiece, Paint, describe, find_lines, join};
+use crate::lanes::{LanePiece, Paint, describe, find_lines, join, without_doubles};
 use crate::passes::Passes;
 use crate::poles::{FittedPole, find_poles};
 use crate::register::{Registration, refine};
@@ -193,8 +193,11 @@ pub fn find_lanes(cloud: &Cloud, config: &Config) -> Vec<LanePiece> {
     let chains = join(&windows, &config.lanes);
     let pieces: Vec<Vec<LanePiece>> =
         chains.par_iter().map(|chain| describe(chain, &paint, cloud, &config.lanes)).collect();
-    pieces.into_iter().flatten().collect()
+    without_doubles(pieces.into_iter().flatten().collect(), &config.lanes)
 }
+
+/// Shortest piece worth its vertices, metres.
+const SHORTEST_PIECE_M: f64 = 2.0;
 
 /// Cuts a lane line where one road ends and the next begins, and at the
 /// borders of what is owned.
@@ -221,7 +224,7 @@ fn by_road(
     cuts.sort_by(f64::total_cmp);
     cuts.windows(2)
         .filter_map(|w| {
-            let points = clip(piece, w[0], w[1]);
+            let points = piece.part(w[0], w[1], SHORTEST_PIECE_M)?.points_map;
             let middle = points.get(points.len() / 2)?;
             let first = points.first()?;
             let centre = if points.len() == 2 { nalgebra::center(first, middle) } else { *middle };
@@ -229,25 +232,4 @@ fn by_road(
             (points.len() >= 2).then_some((road, piece.kind, points))
         })
         .collect()
-}
-
-/// Shortest piece worth its vertices, metres.
-const SHORTEST_PIECE_M: f64 = 2.0;
-
-/// The part of a lane line between two stations.
-fn clip(piece: &LanePiece, from_m: f64, to_m: f64) -> Vec<Point3<f64>> {
-    let stations = &piece.stations_m;
-    let (Some(first), Some(last)) = (stations.first(), stations.last()) else { return Vec::new() };
-    let (from, to) = (from_m.max(*first), to_m.min(*last));
-    if to - from < SHORTEST_PIECE_M {
-        return Vec::new();
-    }
-    let at = |s: f64| {
-        let i = stations.partition_point(|t| *t <= s).clamp(1, stations.len() - 1);
-        let share = (s - stations[i - 1]) / (stations[i] - stations[i - 1]);
-        piece.points_map[i - 1] + (piece.points_map[i] - piece.points_map[i - 1]) * share
-    };
-    let inner =
-        stations.iter().zip(&piece.points_map).filter(|(s, _)| **s > from + 0.1 && **s < to - 0.1).map(|(_, p)| *p);
-    std::iter::once(at(from)).chain(inner).chain(std::iter::once(at(to))).collect()
 }

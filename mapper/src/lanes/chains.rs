@@ -26,7 +26,8 @@ impl Chain {
 }
 
 /// Joins the lines of windows: each chain goes on with the line that agrees
-/// best with it half-way between the windows.
+/// best with it half-way between the windows, in place and in direction: where
+/// a line forks, its straight branch is the same line.
 pub fn join(windows: &[Vec<WindowLine>], config: &LaneConfig) -> Vec<Chain> {
     let mut open: Vec<Chain> = Vec::new();
     let mut done: Vec<Chain> = Vec::new();
@@ -39,7 +40,8 @@ pub fn join(windows: &[Vec<WindowLine>], config: &LaneConfig) -> Vec<Chain> {
                 let apart = (last.offset_m(half) - line.offset_m(half)).abs();
                 let limit = config.half_line_m * (1.0 + (line.centre_m - last.centre_m) / config.window_m);
                 if apart < limit {
-                    pairs.push((apart, c, l));
+                    let bend = (last.slope - line.slope).abs() * (half - last.centre_m);
+                    pairs.push((apart + bend, c, l));
                 }
             }
         }

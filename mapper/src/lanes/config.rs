@@ -81,7 +81,12 @@ pub struct LaneConfig {
     /// The same from which on dashes, or a line with paint on both sides, are
     /// part of a crossing or of an area.
     pub largest_striped_share: f64,
-    /// Largest angle of such a border to the path, radians: one that runs
+    /// The same on both sides, from which on a line beside which something
+    /// stands is a ragged strip of grass or kerb.
+    pub ragged_share: f64,
+    /// Share of such a line beside which something has to stand for that.
+    pub ragged_walled_share: f64,
+    /// Largest angle of a hatched area's border to the path, radians: one that runs
     /// from one lane line to the next bounds no lane.
     pub largest_hatched_rad: f64,
     /// Fewest dashes of a dashed line: an arrow or a letter is one blot.
@@ -111,9 +116,16 @@ pub struct LaneConfig {
     pub fewest_wall_scans: u32,
     /// Largest share of a line that may have one beside it all the same.
     pub largest_walled_share: f64,
-    /// Mean contrast from which on a line is paint whatever stands beside it,
-    /// standard deviations: cars park along lines.
+    /// Mean contrast from which on a line is paint whatever stands or rises
+    /// beside it, standard deviations: cars park along lines, and some are
+    /// painted along kerbs.
     pub least_walled_contrast: f64,
+    /// Width of the strips beside a line in which a kerb is sought, metres: its
+    /// edge is not far from what shines of it.
+    pub kerb_within_m: f64,
+    /// Height of a step in the road that is a kerb, metres: gutters and worn
+    /// asphalt are less, and only lowered kerbs are lower.
+    pub least_kerb_m: f64,
     /// Largest root mean square lateral distance of paint from its line, metres.
     pub largest_spread_m: f64,
     /// Longest gap joined within one line, metres: the longest dash gap in
@@ -162,6 +174,8 @@ impl Default for LaneConfig {
             shortest_m: 12.0,
             hatched_share: 0.2,
             largest_striped_share: 0.5,
+            ragged_share: 0.15,
+            ragged_walled_share: 0.1,
             largest_hatched_rad: 0.025,
             fewest_dashes: 3,
             shortest_dash_m: 0.9,
@@ -174,6 +188,8 @@ impl Default for LaneConfig {
             fewest_wall_scans: 6,
             largest_walled_share: 0.3,
             least_walled_contrast: 5.7,
+            kerb_within_m: 0.2,
+            least_kerb_m: 0.04,
             largest_spread_m: 0.1,
             longest_gap_m: 13.0,
             apart_m: 0.4,

@@ -12,6 +12,8 @@ pub struct PathPoint {
     pub station_m: f64,
     /// Offset to the right of the path, metres.
     pub offset_m: f64,
+    /// Height in the map frame, metres, up.
+    pub height_m: f32,
     /// How much brighter than its beam on both sides, standard deviations.
     pub contrast: f32,
 }
@@ -36,6 +38,7 @@ impl Paint {
                 (place.offset_m.abs() < config.half_width_m).then_some(PathPoint {
                     station_m: place.station_m,
                     offset_m: place.offset_m,
+                    height_m: -p.position.y as f32,
                     contrast,
                 })
             })

@@ -4,22 +4,9 @@ use common::map::LaneKind;
 use nalgebra::{Point2, Point3};
 
 use super::kinds::stretches;
-use super::profile::{Bin, local_line, profile};
-use super::{Chain, LaneConfig, Paint, fitted, simplify};
+use super::profile::{Bin, local_line, profile, step_m};
+use super::{Chain, LaneConfig, LanePiece, Paint, fitted, simplify};
 use crate::cloud::{Cloud, CloudPoint};
-
-/// A lane line, or a piece of one.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LanePiece {
-    /// How it is painted.
-    pub kind: LaneKind,
-    /// Vertices, map frame, metres.
-    pub points_map: Vec<Point3<f64>>,
-    /// Stations of the vertices along the driven path, metres.
-    pub stations_m: Vec<f64>,
-    /// Root mean square lateral distance of the paint from the line, metres.
-    pub spread_m: f64,
-}
 
 /// Finds what is painted along a chain, cuts it where that changes and at
 /// long gaps, and describes it as polylines.
@@ -54,7 +41,17 @@ fn piece(kind: LaneKind, bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> Op
     if slope.abs() > config.largest_hatched_rad.tan() && most > config.hatched_share {
         return None;
     }
-    if contrast < config.least_walled_contrast && walled_share(&painted, cloud, config) > config.largest_walled_share {
+    let is_kerb = || step_m(&painted, config).is_some_and(|step_m| step_m > config.least_kerb_m);
+    let (is_pale, is_ragged) = (contrast < config.least_walled_contrast, least > config.ragged_share);
+    if is_pale && is_kerb() {
+        return None;
+    }
+    let largest_walled_share = match (is_ragged, is_pale) {
+        (true, _) => config.ragged_walled_share,
+        (false, true) => config.largest_walled_share,
+        (false, false) => 1.0,
+    };
+    if largest_walled_share < 1.0 && walled_share(&painted, cloud, config) > largest_walled_share {
         return None;
     }
     let points = on_ground(bins, cloud, config);

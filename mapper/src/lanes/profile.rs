@@ -24,6 +24,27 @@ pub struct Bin {
     pub off_m: f64,
     /// Mean contrast of these, standard deviations.
     pub contrast: f64,
+    /// Heights of the road points in strips beside the line: far and near on
+    /// its left, near and far on its right.
+    pub strips: [Mean; 4],
+}
+
+/// A mean of values that come one by one.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Mean {
+    sum: f64,
+    count: f64,
+}
+
+impl Mean {
+    fn add(&mut self, value: f64) {
+        self.sum += value;
+        self.count += 1.0;
+    }
+
+    fn value(self) -> Option<f64> {
+        (self.count > 0.0).then(|| self.sum / self.count)
+    }
 }
 
 /// Points of paint among road points.
@@ -102,9 +123,10 @@ fn fill(bin: &mut Bin, paint: &Paint, half_m: f64, config: &LaneConfig) {
             }
         }
     };
-    let bright = between(&paint.bright, from_m, to_m);
+    let (bright, road) = (between(&paint.bright, from_m, to_m), between(&paint.road, from_m, to_m));
     count(bright, &|share| share.bright += 1.0);
-    count(between(&paint.road, from_m, to_m), &|share| share.road += 1.0);
+    count(road, &|share| share.road += 1.0);
+    bin.strips = strips(road, offset_m, config);
     let on: Vec<(f64, f64)> = bright
         .iter()
         .map(|p| (p.offset_m - offset_m, f64::from(p.contrast)))
@@ -113,6 +135,53 @@ fn fill(bin: &mut Bin, paint: &Paint, half_m: f64, config: &LaneConfig) {
     bin.bright = on.len() as f64;
     bin.off_m = on.iter().map(|p| p.0).sum::<f64>() / bin.bright.max(1.0);
     bin.contrast = on.iter().map(|p| p.1).sum::<f64>() / bin.bright.max(1.0);
+}
+
+/// Heights of the road beside a line, strip by strip.
+fn strips(road: &[PathPoint], offset_m: f64, config: &LaneConfig) -> [Mean; 4] {
+    let mut strips = [Mean::default(); 4];
+    for p in road {
+        let off_m = p.offset_m - offset_m;
+        let outwards_m = off_m.abs() - config.half_line_m;
+        if outwards_m > 0.0 && outwards_m < 2.0 * config.kerb_within_m {
+            let (is_far, is_right) = (outwards_m > config.kerb_within_m, off_m > 0.0);
+            let strip = match (is_right, is_far) {
+                (false, true) => 0,
+                (false, false) => 1,
+                (true, false) => 2,
+                (true, true) => 3,
+            };
+            strips[strip].add(f64::from(p.height_m));
+        }
+    }
+    strips
+}
+
+/// Height of the step in the road along a line, metres: by how much the strips
+/// on its both sides differ, and by how much more than the crossfall lets them,
+/// whichever is less. The median of the bins that were seen on both sides; none
+/// where too few were.
+pub fn step_m(bins: &[&Bin], config: &LaneConfig) -> Option<f64> {
+    // From the middle of one near strip to that of the other, over the
+    // distance of the middles of near and far ones.
+    let reach = (2.0 * config.half_line_m + config.kerb_within_m) / config.kerb_within_m;
+    let of_bin = |bin: &&Bin| {
+        let [Some(far_left), Some(left), Some(right), Some(far_right)] = bin.strips.map(Mean::value) else {
+            return None;
+        };
+        let (own, fall) = (right - left, f64::midpoint(far_right - right, left - far_left));
+        Some((own, own - reach * fall))
+    };
+    let (mut own, mut beyond): (Vec<f64>, Vec<f64>) = bins.iter().filter_map(of_bin).unzip();
+    if (own.len() as f64) * config.profile_m < config.shortest_dash_m {
+        return None;
+    }
+    let middle = own.len() / 2;
+    let (own, beyond) = (
+        *own.select_nth_unstable_by(middle, f64::total_cmp).1,
+        *beyond.select_nth_unstable_by(middle, f64::total_cmp).1,
+    );
+    (own * beyond > 0.0).then_some(own.abs().min(beyond.abs()))
 }
 
 /// Rounds of estimating the share of paint points and what is painted.

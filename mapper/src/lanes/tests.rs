@@ -10,12 +10,23 @@ use crate::testing::{CAMERA_HEIGHT_M, Street};
 
 /// Paint along map z from a place to another, x a function of z.
 fn paint(street: &mut Street, from_to_m: (f64, f64), x: impl Fn(f64) -> f64, is_painted: impl Fn(f64) -> bool) {
+    paint_as(street, from_to_m, x, 8.0, is_painted);
+}
+
+/// The same with a contrast of its own.
+fn paint_as(
+    street: &mut Street,
+    from_to_m: (f64, f64),
+    x: impl Fn(f64) -> f64,
+    contrast: f32,
+    is_painted: impl Fn(f64) -> bool,
+) {
     for i in 0..((from_to_m.1 - from_to_m.0) / 0.04) as i32 {
         let z = from_to_m.0 + f64::from(i) * 0.04;
         if is_painted(z) {
             let wobble = 0.04 * (f64::from(i) * 1.7).sin();
             let scan = (z / 6.0).clamp(0.0, 9.0) as u16;
-            street.add(Point3::new(x(z) + wobble, CAMERA_HEIGHT_M, z), scan, 0.5, Some(8.0));
+            street.add(Point3::new(x(z) + wobble, CAMERA_HEIGHT_M, z), scan, 0.5, Some(contrast));
         }
     }
 }
@@ -89,6 +100,51 @@ fn the_border_of_a_hatched_area_that_runs_from_line_to_line_is_none_and_the_line
 }
 
 #[test]
+fn a_line_goes_straight_on_where_the_border_of_a_hatched_area_leaves_it() {
+    let mut street = Street::new();
+    paint(&mut street, (0.0, 60.0), |_| -1.75, |_| true);
+    paint(&mut street, (15.0, 58.0), |z| -1.75 - 0.07 * (z - 15.0), |_| true);
+    for k in 0..19 {
+        let z = 18.0 + f64::from(k) * 2.0;
+        for thick in [0.0, 0.15, 0.3, 0.45] {
+            paint_across(&mut street, z + thick, (-1.75 - 0.07 * (z - 15.0), -1.75));
+        }
+    }
+    let pieces = found(street);
+    assert_eq!(pieces.len(), 1, "{pieces:?}");
+    assert!(pieces[0].points_map.iter().all(|p| (p.x + 1.75).abs() < 0.06), "{pieces:?}");
+    assert!(length_m(&pieces[0]) > 55.0, "{pieces:?}");
+}
+
+#[test]
+fn a_ragged_strip_before_a_wall_is_no_line_and_symbols_on_both_sides_of_one_do_not_matter() {
+    for (has_wall, lines) in [(true, 0), (false, 1)] {
+        let mut street = Street::new();
+        for x in [4.68, 5.0, 5.32] {
+            paint(&mut street, (0.0, 60.0), |_| x, |z| x == 5.0 || z % 1.25 < 0.1);
+        }
+        if has_wall {
+            street.add_wall(5.3, 0.0..60.0, 1.5);
+        }
+        assert_eq!(found(street).len(), lines, "{has_wall}");
+    }
+}
+
+#[test]
+fn what_shines_along_a_kerb_is_no_line_and_paint_along_it_is() {
+    for (contrast, lines) in [(4.5, 0), (8.0, 1)] {
+        let mut street = Street::new();
+        paint_as(&mut street, (0.0, 60.0), |_| 5.0, contrast, |_| true);
+        for i in 0..12_000_i32 {
+            // The pavement, 8 cm higher than the road.
+            let (x, z) = (5.1 + (f64::from(i) * 0.618_034).fract(), (f64::from(i) * 0.414_214).fract() * 60.0);
+            street.add(Point3::new(x, CAMERA_HEIGHT_M - 0.08, z), (z / 6.0) as u16, 0.3, Some(0.0));
+        }
+        assert_eq!(found(street).len(), lines, "{contrast}");
+    }
+}
+
+#[test]
 fn a_stop_line_is_no_lane_line() {
     let mut street = Street::new();
     paint_across(&mut street, 45.0, (-6.0, 6.0));
@@ -99,11 +155,7 @@ fn a_stop_line_is_no_lane_line() {
 fn a_bright_strip_before_a_wall_is_no_line_and_paint_before_it_is() {
     for (contrast, lines) in [(4.5, 0), (8.0, 1)] {
         let mut street = Street::new();
-        for i in 0..1500 {
-            let (z, wobble) = (f64::from(i) * 0.04, 0.04 * (f64::from(i) * 1.7).sin());
-            let at = Point3::new(5.0 + wobble, CAMERA_HEIGHT_M, z);
-            street.add(at, (i % 10) as u16, 0.4, Some(contrast));
-        }
+        paint_as(&mut street, (0.0, 60.0), |_| 5.0, contrast, |_| true);
         street.add_wall(5.3, 0.0..60.0, 1.5);
         assert_eq!(found(street).len(), lines, "{contrast}");
     }

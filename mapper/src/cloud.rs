@@ -8,7 +8,7 @@ use crate::drive::Drive;
 use crate::error::Result;
 use crate::grid::Grid;
 use crate::ground::{Ground, GroundConfig};
-use crate::lanes::contrast;
+use crate::lanes::Contrasts;
 use crate::path::{Path, PathIndex, PathPlace};
 use crate::register::Registration;
 
@@ -152,23 +152,23 @@ impl Cloud {
             registration.report.vertical_angle_rad,
             |frame, scan| {
                 let map_from_velodyne = map_from_camera[frame] * drive.camera_from_velodyne;
-                let stitched: Vec<CloudPoint> = scan
-                    .points
-                    .iter()
-                    .enumerate()
-                    .filter_map(|(i, p)| {
-                        let range_m = p.coords.norm();
-                        let position = map_from_velodyne * p;
-                        (range.contains(&range_m) && corridor.contains(&position)).then(|| CloudPoint {
+                let contrasts = Contrasts::new(&scan, &settings.lanes.contrast);
+                let number = frames.partition_point(|f| *f < frame) as u16;
+                let mut stitched = Vec::with_capacity(scan.points.len());
+                for (i, p) in scan.points.iter().enumerate() {
+                    let range_m = p.coords.norm();
+                    let position = map_from_velodyne * p;
+                    if range.contains(&range_m) && corridor.contains(&position) {
+                        stitched.push(CloudPoint {
                             position,
                             height_m: f32::NAN,
                             reflectance: scan.reflectance[i],
                             range_m: range_m as f32,
-                            contrast: contrast(&scan, i, &settings.lanes.contrast),
-                            scan: 0,
-                        })
-                    })
-                    .collect();
+                            contrast: contrasts.of(i),
+                            scan: number,
+                        });
+                    }
+                }
                 let read = StitchedScan {
                     frame,
                     points: scan.points.len(),
@@ -178,12 +178,8 @@ impl Cloud {
                 (Point3::from(map_from_velodyne.translation.vector), read, stitched)
             },
             |_, (sensor, read, mut stitched)| {
-                let scan = sensor_map.len() as u16;
                 scans.push(read);
                 sensor_map.push(sensor);
-                for p in &mut stitched {
-                    p.scan = scan;
-                }
                 points.append(&mut stitched);
             },
         )?;
@@ -200,20 +196,25 @@ impl Cloud {
         config: &GroundConfig,
     ) -> Self {
         let Corridor { path, path_index, grid, .. } = corridor;
-        let ground = Ground::grow(points.iter().map(|p| p.position), &path, grid, config);
-        points.par_iter_mut().for_each(|p| {
-            let at = Point2::new(p.position.x, p.position.z);
-            p.height_m = ground.height_m(&at).map_or(f32::NAN, |g| (-p.position.y - g) as f32);
-        });
+        let ground = Ground::grow(points.iter().map(|p| p.position), &path, &path_index, grid, config);
         let thickness_m = config.thickness_m as f32;
-        let cell = |p: &CloudPoint| ground.grid().index(&Point2::new(p.position.x, p.position.z));
-        let at_heights = |is_wanted: &dyn Fn(f32) -> bool| {
-            ByCell::new(&points, ground.grid(), |p| is_wanted(p.height_m).then(|| cell(p)).flatten())
-        };
-        let standing = at_heights(&|h| h > thickness_m);
         // The height map may lie below a kerb, and above a gutter.
         let step_m = config.largest_step_m as f32;
-        let lying = at_heights(&|h| h.abs() <= step_m);
+        // Cell of each point, and whether it stands on the ground or lies on it.
+        let cells: Vec<u32> = points
+            .par_iter_mut()
+            .map(|p| {
+                let at = Point2::new(p.position.x, p.position.z);
+                p.height_m = ground.height_m(&at).map_or(f32::NAN, |g| (-p.position.y - g) as f32);
+                let Some(cell) = ground.grid().index(&at) else { return 0 };
+                let flag = |holds: bool, flag: u32| if holds { flag } else { 0 };
+                cell as u32 | flag(p.height_m > thickness_m, STANDS) | flag(p.height_m.abs() <= step_m, LIES)
+            })
+            .collect();
+        let by_cell = |flag: u32| {
+            ByCell::new(&cells, ground.grid(), |c| (c & flag != 0).then_some((c & !(STANDS | LIES)) as usize))
+        };
+        let (standing, lying) = (by_cell(STANDS), by_cell(LIES));
         let view_weight = view_weights(&sensor_map);
         Self { points, ground, path, path_index, sensor_map, view_weight, scans, standing, lying }
     }
@@ -250,6 +251,10 @@ fn view_weights(sensor_map: &[Point3<f64>]) -> Vec<f64> {
     sensor_map.iter().map(|a| (same(a) as f64).recip()).collect()
 }
 
+/// Flags beside the index of a cell, of which a window has far fewer than 2^30.
+const STANDS: u32 = 1 << 31;
+const LIES: u32 = 1 << 30;
+
 impl ByCell {
     /// Counting sort of points by the cell of a grid that each counts in; what
     /// counts in none is left out.
@@ -259,14 +264,16 @@ impl ByCell {
         for i in 1..starts.len() {
             starts[i] += starts[i - 1];
         }
-        let mut next = starts.clone();
         let mut by_cell = vec![0_u32; starts.last().map_or(0, |n| *n as usize)];
         for (i, p) in points.iter().enumerate() {
             if let Some(c) = cell(p) {
-                by_cell[next[c] as usize] = i as u32;
-                next[c] += 1;
+                by_cell[starts[c] as usize] = i as u32;
+                starts[c] += 1;
             }
         }
+        // Each start has moved on to the next one.
+        starts.copy_within(..grid.len(), 1);
+        starts[0] = 0;
         Self { points: by_cell, starts }
     }
 

@@ -7,7 +7,7 @@ use nalgebra::{Point2, Point3};
 use serde::{Deserialize, Serialize};
 
 use crate::grid::Grid;
-use crate::path::Path;
+use crate::path::{Path, PathIndex};
 
 /// How the ground is told from what stands on it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -78,10 +78,19 @@ impl Ord for Step {
 impl Ground {
     /// Grows the ground from the driven path outwards over cells whose lowest
     /// well-supported height steps little from their neighbour's.
-    pub fn grow(points_map: impl Iterator<Item = Point3<f64>>, path: &Path, grid: Grid, config: &GroundConfig) -> Self {
+    pub fn grow(
+        points_map: impl Iterator<Item = Point3<f64>>,
+        path: &Path,
+        path_index: &PathIndex,
+        grid: Grid,
+        config: &GroundConfig,
+    ) -> Self {
         let bins = ((HIGHEST_M - LOWEST_M) / BIN_M) as usize;
-        let camera_height: Vec<f64> =
-            (0..grid.len()).map(|i| -path.at(path.place(&grid.centre(i)).station_m).0.y).collect();
+        let camera_height: Vec<f64> = (0..grid.len())
+            .map(|i| grid.centre(i))
+            .map(|p| path_index.place(path, &p).unwrap_or_else(|| path.place(&p)))
+            .map(|place| -path.at(place.station_m).0.y)
+            .collect();
         let mut counts = vec![0_u16; grid.len() * bins];
         let mut sums = vec![0.0_f32; grid.len() * bins];
         for p in points_map {
@@ -257,7 +266,8 @@ mod tests {
             }
         }
         let corridor = Corridor::new(&centres, &CloudConfig::default(), 1.0);
-        Ground::grow(points.into_iter(), &corridor.path, corridor.grid, &GroundConfig::default())
+        let Corridor { path, path_index, grid, .. } = corridor;
+        Ground::grow(points.into_iter(), &path, &path_index, grid, &GroundConfig::default())
     }
 
     #[test]

@@ -1,7 +1,5 @@
 //! The driven path on the ground plane: station along it, offset beside it.
 
-use std::ops::Range;
-
 use nalgebra::{Point2, Point3, Vector2};
 
 use crate::grid::Grid;
@@ -24,6 +22,25 @@ pub struct PathPlace {
 pub struct Path {
     vertices: Vec<Point3<f64>>,
     stations_m: Vec<f64>,
+    segments: Vec<Segment>,
+}
+
+/// A straight piece between two vertices, on the ground plane.
+#[derive(Debug, Clone, Copy)]
+struct Segment {
+    start: Point2<f64>,
+    /// Of unit length.
+    direction: Vector2<f64>,
+    length_m: f64,
+}
+
+impl Segment {
+    /// Distance along it of the place nearest to a point, and the square of
+    /// the point's distance from there.
+    fn nearest(&self, p: &Point2<f64>) -> (f64, f64) {
+        let along_m = (p - self.start).dot(&self.direction).clamp(0.0, self.length_m);
+        (along_m, (p - (self.start + self.direction * along_m)).norm_squared())
+    }
 }
 
 /// Steps shorter than this say more about noise than about direction.
@@ -72,7 +89,15 @@ impl Path {
             }
             stations_m.push(station);
         }
-        Self { vertices, stations_m }
+        let segments = vertices
+            .windows(2)
+            .zip(stations_m.windows(2))
+            .map(|(v, s)| {
+                let (start, length_m) = (ground(&v[0]), s[1] - s[0]);
+                Segment { start, direction: (ground(&v[1]) - start) / length_m, length_m }
+            })
+            .collect();
+        Self { vertices, stations_m, segments }
     }
 
     /// Station of the last vertex, metres.
@@ -92,31 +117,32 @@ impl Path {
 
     /// The place of a point given by its map (x, z).
     pub fn place(&self, p: &Point2<f64>) -> PathPlace {
-        self.place_among(p, 0..self.vertices.len() - 1).0
+        self.place_on(p, self.nearest(p, 0..self.segments.len()))
     }
 
-    /// The nearest place on some of the segments, and the segment.
-    fn place_among(&self, p: &Point2<f64>, segments: Range<usize>) -> (PathPlace, usize) {
-        let none = PathPlace { station_m: 0.0, offset_m: 0.0, direction: Vector2::new(0.0, 1.0) };
-        let mut best = (f64::INFINITY, none, 0);
-        for i in segments {
-            let (a, b) = (ground(&self.vertices[i]), ground(&self.vertices[i + 1]));
-            let length = self.stations_m[i + 1] - self.stations_m[i];
-            let direction = (b - a) / length;
-            let along = (p - a).dot(&direction).clamp(0.0, length);
-            let distance = (p - (a + direction * along)).norm_squared();
-            if distance < best.0 {
-                // Right of (dx, dz) seen from above, y down: (dz, -dx).
-                let right = Vector2::new(direction.y, -direction.x);
-                let place = PathPlace {
-                    station_m: self.stations_m[i] + along,
-                    offset_m: distance.sqrt().copysign((p - a).dot(&right)),
-                    direction,
-                };
-                best = (distance, place, i);
+    /// The nearest of some of the segments, of equally near ones the first.
+    fn nearest(&self, p: &Point2<f64>, among: impl IntoIterator<Item = usize>) -> usize {
+        let mut best = (f64::INFINITY, 0);
+        for i in among {
+            let (_, squared) = self.segments[i].nearest(p);
+            if squared < best.0 {
+                best = (squared, i);
             }
         }
-        (best.1, best.2)
+        best.1
+    }
+
+    /// The place of a point beside a segment.
+    fn place_on(&self, p: &Point2<f64>, i: usize) -> PathPlace {
+        let segment = &self.segments[i];
+        let (along_m, squared) = segment.nearest(p);
+        // Right of (dx, dz) seen from above, y down: (dz, -dx).
+        let right = Vector2::new(segment.direction.y, -segment.direction.x);
+        PathPlace {
+            station_m: self.stations_m[i] + along_m,
+            offset_m: squared.sqrt().copysign((p - segment.start).dot(&right)),
+            direction: segment.direction,
+        }
     }
 
     /// Point of the path at a station (camera height), map frame, metres, and
@@ -144,19 +170,44 @@ pub struct PathIndex {
     segments: Vec<u32>,
 }
 
+/// Cells along the edge of a block that shares the segments looked at.
+const BLOCK: usize = 8;
+
 impl PathIndex {
     /// Indexes a path over a grid of cells not much longer than its segments.
     pub fn new(path: &Path, grid: &Grid) -> Self {
-        let all = 0..path.vertices.len() - 1;
-        let segments = (0..grid.len()).map(|i| path.place_among(&grid.centre(i), all.clone()).1 as u32).collect();
+        let mut segments = vec![0; grid.len()];
+        // Cell centres of a block lie within this of its middle, metres.
+        let reach_m = 0.5 * BLOCK as f64 * grid.cell_m * std::f64::consts::SQRT_2;
+        let mut distances_m = vec![0.0; path.segments.len()];
+        let mut near = Vec::new();
+        for low_z in (0..grid.height).step_by(BLOCK) {
+            for low_x in (0..grid.width).step_by(BLOCK) {
+                let half = Vector2::repeat(0.5 * (BLOCK - 1) as f64 * grid.cell_m);
+                let middle = grid.centre(low_z * grid.width + low_x) + half;
+                for (distance_m, segment) in distances_m.iter_mut().zip(&path.segments) {
+                    *distance_m = segment.nearest(&middle).1.sqrt();
+                }
+                // What is farther off the middle is farther off every centre.
+                let farthest_m = distances_m.iter().copied().fold(f64::INFINITY, f64::min) + 2.0 * reach_m;
+                near.clear();
+                near.extend((0..distances_m.len()).filter(|i| distances_m[*i] <= farthest_m));
+                for z in low_z..(low_z + BLOCK).min(grid.height) {
+                    for x in low_x..(low_x + BLOCK).min(grid.width) {
+                        let cell = z * grid.width + x;
+                        segments[cell] = path.nearest(&grid.centre(cell), near.iter().copied()) as u32;
+                    }
+                }
+            }
+        }
         Self { grid: grid.clone(), segments }
     }
 
     /// As [`Path::place`]; none outside the grid.
     pub fn place(&self, path: &Path, p: &Point2<f64>) -> Option<PathPlace> {
         let segment = self.segments[self.grid.index(p)?] as usize;
-        let near = segment.saturating_sub(2)..(segment + 3).min(path.vertices.len() - 1);
-        Some(path.place_among(p, near).0)
+        let near = segment.saturating_sub(2)..(segment + 3).min(path.segments.len());
+        Some(path.place_on(p, path.nearest(p, near)))
     }
 }
 

@@ -30,28 +30,17 @@ impl Default for ContrastConfig {
 
 /// Neighbours looked at on each side.
 const SAMPLES: usize = 6;
+/// Fewest of them that tell what is beside a point.
+const FEWEST: usize = SAMPLES / 2;
+/// Fewest neighbours below whose median a point can be: half of the fewest.
+const FEWEST_DARKER: usize = FEWEST / 2 + 1;
 
-/// By how many standard deviations the reflectance of a point of a scan
-/// exceeds that of its beam on both sides; 0 where it does not by more than
-/// the least noise, or where the beam was interrupted; none beyond the range or above the road. Points are
-/// expected in the order of the beams, as KITTI stores them; in another order
-/// every point counts as interrupted.
-pub fn contrast(scan: &LidarScan, i: usize, config: &ContrastConfig) -> Option<f32> {
-    let p = &scan.points[i];
-    let range = p.coords.norm();
-    if range > config.farthest_m || p.z > range * config.highest_rad.sin() {
-        return None;
-    }
-    let over = |side: &Side| scan.reflectance[i] - side.median;
-    // Most points are asphalt, no brighter than either side: one is enough.
-    let Some(left) = side(scan, i, -1, config).filter(|s| over(s) > config.least_noise) else {
-        return Some(0.0);
-    };
-    let Some(right) = side(scan, i, 1, config).filter(|s| over(s) > config.least_noise) else {
-        return Some(0.0);
-    };
-    let noise = left.spread.min(right.spread).max(config.least_noise);
-    Some(over(&left).min(over(&right)) / noise)
+/// The points of a scan beside their beams.
+#[derive(Debug, Clone, Copy)]
+pub struct Contrasts<'a> {
+    scan: &'a LidarScan,
+    config: &'a ContrastConfig,
+    highest_sin: f64,
 }
 
 struct Side {
@@ -59,41 +48,88 @@ struct Side {
     spread: f32,
 }
 
-fn side(scan: &LidarScan, i: usize, step: isize, config: &ContrastConfig) -> Option<Side> {
-    let at = |k: isize| {
-        let j = usize::try_from(i as isize + step * k).ok()?;
-        scan.points.get(j).map(|p| (j, (p - scan.points[i]).norm()))
-    };
-    let spacing = at(1).map(|(_, d)| d)?;
-    if spacing > config.beside_from_m {
-        return None;
+impl<'a> Contrasts<'a> {
+    /// Of a scan whose points are in the order of the beams, as KITTI stores
+    /// them; in another order every point counts as interrupted.
+    pub fn new(scan: &'a LidarScan, config: &'a ContrastConfig) -> Self {
+        Self { scan, config, highest_sin: config.highest_rad.sin() }
     }
-    // The azimuth step is constant: indices stand for distances.
-    let per_metre = 1.0 / spacing.max(1e-3);
-    let first = config.beside_from_m * per_metre;
-    let last = config.beside_to_m * per_metre;
-    let mut values = [0.0_f32; SAMPLES];
-    let mut n = 0;
-    for s in 0..SAMPLES {
-        let share = s as f64 / (SAMPLES - 1) as f64;
-        let k = (first + (last - first) * share).round() as isize;
-        if let Some((j, d)) = at(k)
-            && d >= 0.7 * config.beside_from_m
-            && d <= 1.5 * config.beside_to_m
-        {
-            values[n] = scan.reflectance[j];
-            n += 1;
+
+    /// By how many standard deviations the reflectance of a point exceeds that
+    /// of its beam on both sides; 0 where it does not by more than the least
+    /// noise, or where the beam was interrupted; none beyond the range or above
+    /// the road.
+    pub fn of(&self, i: usize) -> Option<f32> {
+        let p = &self.scan.points[i];
+        let range = p.coords.norm();
+        if range > self.config.farthest_m || p.z > range * self.highest_sin {
+            return None;
         }
+        let over = |side: &Side| self.scan.reflectance[i] - side.median;
+        // Most points are asphalt, no brighter than either side: one is enough.
+        let darker = |step| self.side(i, step).filter(|s| over(s) > self.config.least_noise);
+        let Some(left) = darker(-1) else { return Some(0.0) };
+        let Some(right) = darker(1) else { return Some(0.0) };
+        let noise = left.spread.min(right.spread).max(self.config.least_noise);
+        Some(over(&left).min(over(&right)) / noise)
     }
-    if n < SAMPLES / 2 {
-        return None;
+
+    /// One side of a point; none where the beam was interrupted, or where the
+    /// point is not brighter than that side.
+    fn side(&self, i: usize, step: isize) -> Option<Side> {
+        let LidarScan { points, reflectance, .. } = self.scan;
+        let config = self.config;
+        let at = |k: isize| usize::try_from(i as isize + step * k).ok().filter(|j| *j < points.len());
+        let apart_m = |j: usize| (points[j] - points[i]).norm();
+        let spacing = apart_m(at(1)?);
+        if spacing > config.beside_from_m {
+            return None;
+        }
+        // The azimuth step is constant: indices stand for distances.
+        let per_metre = 1.0 / spacing.max(1e-3);
+        let first = config.beside_from_m * per_metre;
+        let last = config.beside_to_m * per_metre;
+        let mut beside = [0; SAMPLES];
+        let (mut count, mut darker) = (0, 0);
+        for s in 0..SAMPLES {
+            let share = s as f64 / (SAMPLES - 1) as f64;
+            if let Some(j) = at(rounded(first + (last - first) * share)) {
+                beside[count] = j;
+                count += 1;
+                darker += usize::from(reflectance[i] - reflectance[j] > config.least_noise);
+            }
+        }
+        // Before any distance is looked at: of a hundred points of asphalt
+        // some five go on.
+        if darker < FEWEST_DARKER {
+            return None;
+        }
+        let mut values = [0.0_f32; SAMPLES];
+        let mut n = 0;
+        for &j in &beside[..count] {
+            let d = apart_m(j);
+            if d >= 0.7 * config.beside_from_m && d <= 1.5 * config.beside_to_m {
+                values[n] = reflectance[j];
+                n += 1;
+            }
+        }
+        if n < FEWEST {
+            return None;
+        }
+        let values = &mut values[..n];
+        values.sort_by(f32::total_cmp);
+        let median = values[n / 2];
+        // Median absolute deviation of half a dozen values: the inner half's width.
+        let spread = (values[n - 1 - n / 4] - values[n / 4]) * 0.74;
+        Some(Side { median, spread })
     }
-    let values = &mut values[..n];
-    values.sort_by(f32::total_cmp);
-    let median = values[n / 2];
-    // Median absolute deviation of half a dozen values: the inner half's width.
-    let spread = (values[n - 1 - n / 4] - values[n / 4]) * 0.74;
-    Some(Side { median, spread })
+}
+
+/// The nearest whole number to one that is not negative. `f64::round` is a call
+/// on processors that need not know the instruction.
+fn rounded(v: f64) -> isize {
+    let whole = v as isize;
+    whole + isize::from(v - whole as f64 >= 0.5)
 }
 
 #[cfg(test)]
@@ -118,9 +154,10 @@ mod tests {
 
     #[test]
     fn a_line_stands_out_and_the_asphalt_does_not() {
-        let scan = beam(0.0, 0.15);
+        let (scan, config) = (beam(0.0, 0.15), ContrastConfig::default());
+        let contrasts = Contrasts::new(&scan, &config);
         for (i, p) in scan.points.iter().enumerate() {
-            let c = contrast(&scan, i, &ContrastConfig::default()).unwrap();
+            let c = contrasts.of(i).unwrap();
             if p.y > 0.0 && p.y < 0.15 {
                 assert!(c > 5.0);
             } else {
@@ -131,8 +168,15 @@ mod tests {
 
     #[test]
     fn a_bright_verge_is_no_line() {
-        let scan = beam(0.0, 9.0);
-        let of = |i| contrast(&scan, i, &ContrastConfig::default());
-        assert!((0..scan.points.len()).filter_map(of).all(|c| c < 3.0));
+        let (scan, config) = (beam(0.0, 9.0), ContrastConfig::default());
+        let contrasts = Contrasts::new(&scan, &config);
+        assert!((0..scan.points.len()).filter_map(|i| contrasts.of(i)).all(|c| c < 3.0));
+    }
+
+    #[test]
+    fn halves_are_rounded_up() {
+        for v in [0.0, 0.49, 0.499_999_999_999_999_94, 0.5, 0.51, 1.5, 2.5, 900.5, 1e6] {
+            assert_eq!(rounded(v), f64::round(v) as isize, "{v}");
+        }
     }
 }

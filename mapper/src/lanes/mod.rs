@@ -17,7 +17,7 @@ mod windows;
 
 pub use chains::{Chain, join};
 pub use config::LaneConfig;
-pub use contrast::{ContrastConfig, contrast};
+pub use contrast::{ContrastConfig, Contrasts};
 pub use paint::{Paint, PathPoint};
 pub use piece::{LanePiece, without_doubles};
 pub use polyline::describe;

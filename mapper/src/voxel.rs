@@ -1,6 +1,7 @@
 //! Voxel statistics of clouds: count, mean and scatter per cell.
 
 use nalgebra::{Matrix3, Point3, SymmetricEigen, Vector3};
+use rustc_hash::FxHashMap;
 
 /// Index of a voxel: 21 bits per axis, enough for 2 million cells each way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -78,24 +79,55 @@ impl Moments {
 /// so that the result does not depend on the order of the points' cells.
 pub fn voxel_moments(points: &[Point3<f64>], cell_m: f64) -> Vec<Moments> {
     let inverse = 1.0 / cell_m;
-    let mut keyed: Vec<(VoxelKey, u32)> =
-        points.iter().enumerate().map(|(i, p)| (VoxelKey::of(p, inverse), i as u32)).collect();
-    keyed.sort_unstable();
-    keyed
-        .chunk_by(|a, b| a.0 == b.0)
-        .map(|cell| {
-            let count = cell.len() as f64;
-            let origin = points[cell[0].1 as usize];
-            let (mut sum, mut outer) = (Vector3::zeros(), Matrix3::zeros());
-            for &(_, i) in cell {
-                let d = points[i as usize] - origin;
-                sum += d;
-                outer += d * d.transpose();
-            }
-            let mean = sum / count;
-            Moments { count, mean: origin + mean, scatter: outer - mean * mean.transpose() * count }
-        })
-        .collect()
+    let mut places: FxHashMap<VoxelKey, usize> = FxHashMap::default();
+    let mut cells: Vec<(VoxelKey, usize)> = Vec::new();
+    let mut sums: Vec<Sums> = Vec::new();
+    let mut last: Option<(VoxelKey, usize)> = None;
+    for p in points {
+        let key = VoxelKey::of(p, inverse);
+        // Neighbours on a beam mostly lie in one voxel.
+        let place = match last {
+            Some((known, place)) if known == key => place,
+            _ => *places.entry(key).or_insert_with(|| {
+                cells.push((key, sums.len()));
+                sums.push(Sums::from(*p));
+                sums.len() - 1
+            }),
+        };
+        last = Some((key, place));
+        sums[place].add(p);
+    }
+    cells.sort_unstable();
+    cells.iter().map(|(_, place)| sums[*place].moments()).collect()
+}
+
+/// Sums over the points of a voxel, relative to its first.
+struct Sums {
+    origin: Point3<f64>,
+    count: f64,
+    sum: Vector3<f64>,
+    outer: Matrix3<f64>,
+}
+
+impl From<Point3<f64>> for Sums {
+    fn from(origin: Point3<f64>) -> Self {
+        Self { origin, count: 0.0, sum: Vector3::zeros(), outer: Matrix3::zeros() }
+    }
+}
+
+impl Sums {
+    fn add(&mut self, p: &Point3<f64>) {
+        let d = p - self.origin;
+        self.count += 1.0;
+        self.sum += d;
+        self.outer += d * d.transpose();
+    }
+
+    fn moments(&self) -> Moments {
+        let mean = self.sum / self.count;
+        let scatter = self.outer - mean * mean.transpose() * self.count;
+        Moments { count: self.count, mean: self.origin + mean, scatter }
+    }
 }
 
 #[cfg(test)]

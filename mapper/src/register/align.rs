@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Matrix6, SMatrix};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::local_map::Target;
 use super::{LocalMap, Surface, SurfaceConfig};
 use crate::voxel::Moments;
 
@@ -70,6 +71,7 @@ pub struct Alignment {
 }
 
 /// A surface of the scan with its mean in the Velodyne frame.
+#[derive(Debug, Clone, Copy)]
 pub struct ScanSurface {
     /// The surface.
     pub surface: Surface,
@@ -108,12 +110,21 @@ impl Normal {
     }
 }
 
-fn accumulate(map: &LocalMap, pose: &Pose, scan: &[ScanSurface], robust_sigmas: f64, same_plane_cos: f64) -> Normal {
+/// Adds the surfaces of a piece of a scan. `targets` are those that they were
+/// matched with last, which mostly are the same again.
+fn accumulate<'a>(
+    map: &'a LocalMap,
+    pose: &Pose,
+    scan: &[ScanSurface],
+    targets: &mut [Option<Target<'a>>],
+    robust_sigmas: f64,
+    same_plane_cos: f64,
+) -> Normal {
     let rotation = *pose.rotation.to_rotation_matrix().matrix();
     let mut sum = Normal::zero();
-    for ScanSurface { surface } in scan {
+    for (ScanSurface { surface }, last) in scan.iter().zip(targets) {
         let moved = pose * surface.mean;
-        let Some(target) = map.surface_at(&moved) else { continue };
+        let Some(target) = map.surface_again(&moved, last) else { continue };
         if let (Some(a), Some(b)) = (surface.normal, target.normal)
             && (rotation * a).dot(&b).abs() < same_plane_cos
         {
@@ -129,11 +140,18 @@ fn accumulate(map: &LocalMap, pose: &Pose, scan: &[ScanSurface], robust_sigmas: 
         let mut j = SMatrix::<f64, 3, 6>::zeros();
         j.fixed_columns_mut::<3>(0).copy_from(&(target.constrained * rotation));
         j.fixed_columns_mut::<3>(3).copy_from(&(target.constrained * (-rotation * cross)));
-        sum.h += j.transpose() * j * weight;
+        // Both halves are the same: the lower one is filled.
+        for column in 0..6 {
+            let b = j.column(column);
+            for row in column..6 {
+                sum.h[(row, column)] += j.column(row).dot(&b) * weight;
+            }
+        }
         sum.g += j.transpose() * residual * weight;
         sum.weight += weight;
         sum.cost_m2 += residual.norm_squared() * weight;
     }
+    sum.h.fill_upper_triangle_with_lower_triangle();
     sum
 }
 
@@ -143,10 +161,12 @@ const PIECE: usize = 1024;
 
 /// Aligns a scan, reduced to surfaces, with the map from a first guess.
 pub fn align(map: &LocalMap, scan: &[ScanSurface], guess: &Pose, config: &AlignConfig) -> Alignment {
-    let normal = |pose: &Pose, sigmas: f64| {
+    let mut targets: Vec<Option<Target>> = vec![None; scan.len()];
+    let mut normal = |pose: &Pose, sigmas: f64| {
         let pieces: Vec<Normal> = scan
             .par_chunks(PIECE)
-            .map(|piece| accumulate(map, pose, piece, sigmas, config.surface.same_plane_cos))
+            .zip(targets.par_chunks_mut(PIECE))
+            .map(|(piece, targets)| accumulate(map, pose, piece, targets, sigmas, config.surface.same_plane_cos))
             .collect();
         pieces.iter().fold(Normal::zero(), Normal::plus)
     };

@@ -1,5 +1,9 @@
 //! The local map that a scan is registered against: voxels of surfaces.
 
+use std::collections::VecDeque;
+use std::collections::hash_map::Entry;
+use std::sync::OnceLock;
+
 use common::geometry::Pose;
 use nalgebra::{Matrix3, Point3, Vector3};
 use rustc_hash::FxHashMap;
@@ -82,15 +86,30 @@ impl Surface {
     }
 }
 
+/// The surface in a voxel, once looked up.
+#[derive(Clone, Copy)]
+pub(super) struct Target<'a> {
+    voxel: VoxelKey,
+    surface: Option<&'a Surface>,
+}
+
 struct Cell {
     moments: Moments,
-    surface: Option<Surface>,
+    /// Told when it is asked for: most voxels are asked for in few scans, and
+    /// telling takes the axes of an ellipsoid.
+    surface: OnceLock<Option<Surface>>,
     last_scan: usize,
 }
 
 /// Voxels of the scans registered so far, within a distance of the sensor.
 pub struct LocalMap {
-    cells: FxHashMap<VoxelKey, Cell>,
+    /// Places in `cells`: a table of small entries stays in the cache.
+    places: FxHashMap<VoxelKey, u32>,
+    cells: Vec<Cell>,
+    /// Places in `cells` that are free.
+    free: Vec<u32>,
+    /// Voxels that each of the last scans saw, the oldest first.
+    seen: VecDeque<(usize, Vec<VoxelKey>)>,
     inverse_cell: f64,
     keep_scans: usize,
     surface: SurfaceConfig,
@@ -100,42 +119,96 @@ impl LocalMap {
     /// An empty map of voxels of `cell_m` that forgets a voxel which none of
     /// the last `keep_scans` scans has seen.
     pub fn new(cell_m: f64, keep_scans: usize, surface: SurfaceConfig) -> Self {
-        Self { cells: FxHashMap::default(), inverse_cell: 1.0 / cell_m, keep_scans, surface }
+        Self {
+            places: FxHashMap::default(),
+            cells: Vec::new(),
+            free: Vec::new(),
+            seen: VecDeque::new(),
+            inverse_cell: 1.0 / cell_m,
+            keep_scans,
+            surface,
+        }
     }
 
-    /// Adds a registered scan, given as voxel moments in its own frame.
+    /// Adds a registered scan, given as voxel moments in its own frame. Scans
+    /// are numbered upwards.
     pub fn insert(&mut self, scan: usize, cells: &[Moments], map_from_velodyne: &Pose) {
+        let mut seen = Vec::with_capacity(cells.len());
         for cell in cells {
-            let moved = cell.transformed(map_from_velodyne);
-            let key = VoxelKey::of(&moved.mean, self.inverse_cell);
-            self.cells
-                .entry(key)
-                .and_modify(|c| {
-                    c.moments = c.moments.merged(&moved);
-                    c.last_scan = scan;
-                    c.surface = None;
-                })
-                .or_insert(Cell { moments: moved, surface: None, last_scan: scan });
+            let moments = cell.transformed(map_from_velodyne);
+            let key = VoxelKey::of(&moments.mean, self.inverse_cell);
+            seen.push(key);
+            match self.places.entry(key) {
+                Entry::Occupied(place) => {
+                    let known = &mut self.cells[*place.get() as usize];
+                    known.moments = known.moments.merged(&moments);
+                    known.last_scan = scan;
+                    known.surface.take();
+                }
+                Entry::Vacant(place) => {
+                    let cell = Cell { moments, surface: OnceLock::new(), last_scan: scan };
+                    if let Some(free) = self.free.pop() {
+                        self.cells[free as usize] = cell;
+                        place.insert(free);
+                    } else {
+                        place.insert(self.cells.len() as u32);
+                        self.cells.push(cell);
+                    }
+                }
+            }
         }
-        let keep = self.keep_scans;
-        self.cells.retain(|_, c| c.last_scan + keep > scan);
-        for cell in self.cells.values_mut().filter(|c| c.last_scan == scan) {
-            cell.surface = Surface::of(&cell.moments, &self.surface);
+        self.seen.push_back((scan, seen));
+        self.forget(scan);
+    }
+
+    /// Forgets what was seen last so many scans before `scan`.
+    fn forget(&mut self, scan: usize) {
+        let is_old = |last_scan: usize| last_scan + self.keep_scans <= scan;
+        while let Some((_, seen)) = self.seen.pop_front_if(|(last_scan, _)| is_old(*last_scan)) {
+            for key in seen {
+                if let Entry::Occupied(place) = self.places.entry(key)
+                    && is_old(self.cells[*place.get() as usize].last_scan)
+                {
+                    self.free.push(place.remove());
+                }
+            }
         }
+    }
+
+    fn surface_of<'a>(&'a self, cell: &'a Cell) -> Option<&'a Surface> {
+        cell.surface.get_or_init(|| Surface::of(&cell.moments, &self.surface)).as_ref()
     }
 
     /// The surface in the voxel that holds a point.
     pub fn surface_at(&self, point_map: &Point3<f64>) -> Option<&Surface> {
-        self.cells.get(&VoxelKey::of(point_map, self.inverse_cell))?.surface.as_ref()
+        let place = *self.places.get(&VoxelKey::of(point_map, self.inverse_cell))?;
+        self.surface_of(&self.cells[place as usize])
+    }
+
+    /// As [`Self::surface_at`], given what it gave for a place near by.
+    pub(super) fn surface_again<'a>(
+        &'a self,
+        point_map: &Point3<f64>,
+        last: &mut Option<Target<'a>>,
+    ) -> Option<&'a Surface> {
+        let voxel = VoxelKey::of(point_map, self.inverse_cell);
+        match last {
+            Some(last) if last.voxel == voxel => last.surface,
+            _ => {
+                let surface = self.surface_at(point_map);
+                *last = Some(Target { voxel, surface });
+                surface
+            }
+        }
     }
 
     /// All surfaces, in no order that means anything.
     pub fn surfaces(&self) -> impl Iterator<Item = &Surface> {
-        self.cells.values().filter_map(|c| c.surface.as_ref())
+        self.places.values().filter_map(|place| self.surface_of(&self.cells[*place as usize]))
     }
 
     /// Whether nothing was inserted yet.
     pub fn is_empty(&self) -> bool {
-        self.cells.is_empty()
+        self.places.is_empty()
     }
 }

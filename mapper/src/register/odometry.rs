@@ -28,8 +28,39 @@ pub(super) struct Odometry {
     pub rms_refined_m: f64,
 }
 
-/// Voxels of scans that were read already, by frame, before any raising.
-pub(super) type KnownCells = BTreeMap<usize, Vec<Moments>>;
+/// What is registered of a scan, in its own frame.
+#[derive(Clone)]
+pub(super) struct ScanCells {
+    /// Its voxels.
+    pub cells: Vec<Moments>,
+    /// The surfaces in them.
+    pub surfaces: Vec<ScanSurface>,
+}
+
+/// Scans that were read already, by frame, before any raising.
+pub(super) type KnownCells = BTreeMap<usize, ScanCells>;
+
+impl ScanCells {
+    /// Reads a scan, not raised.
+    pub fn read(drive: &Drive, frame: usize, config: &AlignConfig) -> Result<Self> {
+        let cells = read_cells(drive, frame, config)?;
+        let surfaces = scan_surfaces(&cells, &config.surface);
+        Ok(Self { cells, surfaces })
+    }
+
+    /// The scan raised by an angle. A voxel is too small to be bent by it: its
+    /// mean moves.
+    pub fn raised(mut self, angle_rad: f64) -> Self {
+        let turn = angle_rad.sin_cos();
+        for cell in &mut self.cells {
+            cell.mean = raised(&cell.mean, turn);
+        }
+        for ScanSurface { surface } in &mut self.surfaces {
+            surface.mean = raised(&surface.mean, turn);
+        }
+        self
+    }
+}
 
 /// The voxels of a scan in its own frame, not raised.
 pub(super) fn read_cells(drive: &Drive, frame: usize, config: &AlignConfig) -> Result<Vec<Moments>> {
@@ -39,8 +70,7 @@ pub(super) fn read_cells(drive: &Drive, frame: usize, config: &AlignConfig) -> R
     Ok(voxel_moments(&used, config.scan_voxel_m))
 }
 
-/// The voxels of a scan raised by an angle. A voxel is too small to be bent by
-/// it: its mean moves.
+/// The voxels of a scan raised by an angle.
 pub(super) fn raised_cells(cells: &[Moments], angle_rad: f64) -> Vec<Moments> {
     let turn = angle_rad.sin_cos();
     cells.iter().map(|c| Moments { mean: raised(&c.mean, turn), ..*c }).collect()
@@ -54,54 +84,81 @@ pub(super) fn odometry(
     config: &AlignConfig,
     known: &KnownCells,
 ) -> Result<Odometry> {
-    let camera_from_velodyne = drive.camera_from_velodyne;
-    let velodyne_from_camera = camera_from_velodyne.inverse();
-    let mut map = LocalMap::new(config.map_voxel_m, config.keep_scans, config.surface);
-    let mut last: Option<(usize, Pose)> = None;
-    let mut result = Odometry { motions: Vec::new(), rms_given_m: 0.0, rms_refined_m: 0.0 };
-    let prepare = |frame: usize| -> Result<(Vec<Moments>, Vec<ScanSurface>)> {
-        let cells = match known.get(&frame) {
-            Some(cells) => raised_cells(cells, angle_rad),
-            None => raised_cells(&read_cells(drive, frame, config)?, angle_rad),
-        };
-        let surfaces = scan_surfaces(&cells, &config.surface);
-        Ok((cells, surfaces))
+    let prepare = |frame: &usize| match known.get(frame) {
+        Some(scan) => Ok(scan.clone().raised(angle_rad)),
+        None => Ok(ScanCells::read(drive, *frame, config)?.raised(angle_rad)),
     };
-    for (b, batch) in frames.chunks(BATCH).enumerate() {
-        let prepared: Vec<Result<_>> = batch.par_iter().map(|frame| prepare(*frame)).collect();
-        for (k, (&frame, scan)) in batch.iter().zip(prepared).enumerate() {
-            let (cells, surfaces) = scan?;
-            let pose = match last {
-                None => drive.survey[frame] * camera_from_velodyne,
-                Some((before, before_pose)) => {
-                    let guess = before_pose
-                        * velodyne_from_camera
-                        * drive.survey[before].inverse()
-                        * drive.survey[frame]
-                        * camera_from_velodyne;
-                    let found = align(&map, &surfaces, &guess, config);
-                    // The normal matrix is in the tangent of the Velodyne frame.
-                    let tangent = adjoint(&velodyne_from_camera);
-                    result.motions.push(Motion {
-                        before_from_after: camera_from_velodyne
-                            * before_pose.inverse()
-                            * found.map_from_velodyne
-                            * velodyne_from_camera,
-                        information: tangent.transpose() * found.information * tangent,
-                    });
-                    result.rms_given_m += found.first_rms_m.powi(2);
-                    result.rms_refined_m += found.rms_m.powi(2);
-                    found.map_from_velodyne
-                }
-            };
-            map.insert(b * BATCH + k, &cells, &pose);
-            last = Some((frame, pose));
-        }
+    let prepared = |batch: &[usize]| -> Vec<Result<ScanCells>> { batch.par_iter().map(prepare).collect() };
+    let mut chain = Registered::new(drive, config);
+    // Two of these are held at a time.
+    let mut batches = frames.chunks(BATCH / 2);
+    let mut ahead = batches.next().map(|batch| (batch, prepared(batch)));
+    while let Some((batch, scans)) = ahead {
+        // One scan after the other is aligned, while the next ones are read.
+        let register =
+            || batch.iter().zip(scans).try_for_each(|(&frame, scan)| scan.map(|scan| chain.add(frame, &scan)));
+        let (next, registered) = rayon::join(|| batches.next().map(|batch| (batch, prepared(batch))), register);
+        registered?;
+        ahead = next;
     }
-    let n = result.motions.len().max(1) as f64;
-    result.rms_given_m = (result.rms_given_m / n).sqrt();
-    result.rms_refined_m = (result.rms_refined_m / n).sqrt();
-    Ok(result)
+    Ok(chain.result())
+}
+
+/// The scans registered so far.
+struct Registered<'a> {
+    drive: &'a Drive,
+    config: &'a AlignConfig,
+    map: LocalMap,
+    scans: usize,
+    last: Option<(usize, Pose)>,
+    odometry: Odometry,
+}
+
+impl<'a> Registered<'a> {
+    fn new(drive: &'a Drive, config: &'a AlignConfig) -> Self {
+        let map = LocalMap::new(config.map_voxel_m, config.keep_scans, config.surface);
+        let odometry = Odometry { motions: Vec::new(), rms_given_m: 0.0, rms_refined_m: 0.0 };
+        Self { drive, config, map, scans: 0, last: None, odometry }
+    }
+
+    /// Registers the scan of a frame against those before it.
+    fn add(&mut self, frame: usize, scan: &ScanCells) {
+        let survey = &self.drive.survey;
+        let camera_from_velodyne = self.drive.camera_from_velodyne;
+        let velodyne_from_camera = camera_from_velodyne.inverse();
+        let pose = match self.last {
+            None => survey[frame] * camera_from_velodyne,
+            Some((before, before_pose)) => {
+                let guess = before_pose
+                    * velodyne_from_camera
+                    * survey[before].inverse()
+                    * survey[frame]
+                    * camera_from_velodyne;
+                let found = align(&self.map, &scan.surfaces, &guess, self.config);
+                // The normal matrix is in the tangent of the Velodyne frame.
+                let tangent = adjoint(&velodyne_from_camera);
+                self.odometry.motions.push(Motion {
+                    before_from_after: camera_from_velodyne
+                        * before_pose.inverse()
+                        * found.map_from_velodyne
+                        * velodyne_from_camera,
+                    information: tangent.transpose() * found.information * tangent,
+                });
+                self.odometry.rms_given_m += found.first_rms_m.powi(2);
+                self.odometry.rms_refined_m += found.rms_m.powi(2);
+                found.map_from_velodyne
+            }
+        };
+        self.map.insert(self.scans, &scan.cells, &pose);
+        self.scans += 1;
+        self.last = Some((frame, pose));
+    }
+
+    fn result(self) -> Odometry {
+        let Odometry { motions, rms_given_m, rms_refined_m } = self.odometry;
+        let n = motions.len().max(1) as f64;
+        Odometry { motions, rms_given_m: (rms_given_m / n).sqrt(), rms_refined_m: (rms_refined_m / n).sqrt() }
+    }
 }
 
 /// Takes a small motion in frame `b` to the same motion in frame `a`.

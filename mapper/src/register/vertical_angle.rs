@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::graph::Motion;
-use super::odometry::{KnownCells, odometry, read_cells};
+use super::odometry::{KnownCells, ScanCells, odometry};
 use super::{RefineConfig, median};
 use crate::drive::Drive;
 use crate::error::Result;
@@ -98,7 +98,8 @@ pub(super) fn vertical_angle(drive: &Drive, config: &RefineConfig) -> Result<(f6
     if !settings.estimate || frames.len() < 4 {
         return Ok((settings.fixed_rad, KnownCells::new()));
     }
-    let read: Vec<Result<_>> = frames.par_iter().map(|f| Ok((*f, read_cells(drive, *f, &config.align)?))).collect();
+    let read: Vec<Result<_>> =
+        frames.par_iter().map(|f| Ok((*f, ScanCells::read(drive, *f, &config.align)?))).collect();
     let known = read.into_iter().collect::<Result<KnownCells>>()?;
     let trial = |angle| -> Result<Vec<f64>> {
         let found = odometry(drive, frames, angle, &config.align, &known)?;

@@ -86,6 +86,9 @@ fn around(inner_m: f64, outer_m: f64, cell_m: f64) -> Vec<(isize, isize)> {
         .collect()
 }
 
+/// Parts in which the ring around a column is looked at.
+const RING_PARTS: usize = 6;
+
 impl Stacks {
     /// Bins the points that stand on the ground.
     pub fn new(points: &[CloudPoint], within: &Grid, config: &PoleConfig) -> Self {
@@ -103,16 +106,19 @@ impl Stacks {
                 .map(|column| (column, slice as u8))
         };
         let mut starts = vec![0_u32; grid.len() + 1];
-        points.iter().filter_map(place).for_each(|(c, _)| starts[c + 1] += 1);
+        points.iter().filter_map(place).for_each(|(column, _)| starts[column + 1] += 1);
         for i in 1..starts.len() {
             starts[i] += starts[i - 1];
         }
-        let mut next = starts.clone();
         let mut slices = vec![0_u8; starts.last().map_or(0, |n| *n as usize)];
+        // Each start moves on to the next one, and then back: a grid of fine
+        // columns is too large for a copy.
         for (column, slice) in points.iter().filter_map(place) {
-            slices[next[column] as usize] = slice;
-            next[column] += 1;
+            slices[starts[column] as usize] = slice;
+            starts[column] += 1;
         }
+        starts.copy_within(..grid.len(), 1);
+        starts[0] = 0;
         Self { grid, slices, starts, lowest_m: config.lowest_m, slice_m: config.slice_m }
     }
 
@@ -120,19 +126,37 @@ impl Stacks {
         &self.slices[self.starts[index] as usize..self.starts[index + 1] as usize]
     }
 
+    /// Indices of the columns around a cell.
+    fn around(&self, (x, z): (usize, usize), steps: &[(isize, isize)]) -> impl Iterator<Item = usize> {
+        steps.iter().filter_map(move |(dx, dz)| {
+            let (cx, cz) = (x.checked_add_signed(*dx)?, z.checked_add_signed(*dz)?);
+            (cx < self.grid.width && cz < self.grid.height).then_some(cz * self.grid.width + cx)
+        })
+    }
+
     /// Points per slice in the cells around a cell.
-    fn count(&self, (x, z): (usize, usize), steps: &[(isize, isize)]) -> [u32; SLICES] {
+    fn count(&self, cell: (usize, usize), steps: &[(isize, isize)]) -> [u32; SLICES] {
         let mut counts = [0_u32; SLICES];
-        for (dx, dz) in steps {
-            let (cx, cz) = (x as isize + dx, z as isize + dz);
-            let inside = cx >= 0 && cz >= 0 && (cx as usize) < self.grid.width && (cz as usize) < self.grid.height;
-            if inside {
-                for s in self.column(cz as usize * self.grid.width + cx as usize) {
-                    counts[usize::from(*s)] += 1;
-                }
+        self.count_in(cell, steps, &mut counts);
+        counts
+    }
+
+    /// Adds the points per slice in the cells around a cell.
+    fn count_in(&self, cell: (usize, usize), steps: &[(isize, isize)], counts: &mut [u32; SLICES]) {
+        for column in self.around(cell, steps) {
+            for s in self.column(column) {
+                counts[usize::from(*s)] += 1;
             }
         }
-        counts
+    }
+
+    /// Slices with a point in one of the cells around a cell.
+    fn filled(&self, cell: (usize, usize), steps: &[(isize, isize)]) -> u64 {
+        self.around(cell, steps).fold(0, |filled, column| filled | self.filled_in(column))
+    }
+
+    fn filled_in(&self, column: usize) -> u64 {
+        self.column(column).iter().fold(0, |filled, slice| filled | 1_u64 << *slice)
     }
 
     /// The isolated stacks, best first, none within the ring of a better one
@@ -243,15 +267,23 @@ impl Stacks {
     ) -> Option<Stack> {
         let cell = (index % self.grid.width, index / self.grid.width);
         let least = config.least_free_m / config.slice_m;
-        let inside = self.count(cell, core);
-        let bits = |f: &dyn Fn(usize) -> bool| (0..SLICES).filter(|s| f(*s)).fold(0_u64, |bits, s| bits | 1 << s);
-        let filled = bits(&|s| inside[s] > 0);
-        if f64::from(filled.count_ones()) < least {
+        let filled = self.filled(cell, core);
+        // Whatever hinders it makes it no better.
+        if f64::from(filled.count_ones()) < least || best_run(filled, 0).0 < least {
             return None;
         }
-        let outside = self.count(cell, ring);
-        let allowed = |s: usize| config.largest_clutter * f64::from(inside[s]);
-        let hindered = bits(&|s| f64::from(outside[s]) > allowed(s));
+        let inside = self.count(cell, core);
+        let allowed = inside.map(|n| config.largest_clutter * f64::from(n));
+        let mut outside = [0_u32; SLICES];
+        let mut hindered = 0_u64;
+        // Most columns are amid a hedge or a wall, as a part of the ring tells.
+        for part in ring.chunks(ring.len().div_ceil(RING_PARTS).max(1)) {
+            self.count_in(cell, part, &mut outside);
+            hindered = (0..SLICES).filter(|s| f64::from(outside[*s]) > allowed[*s]).fold(0, |bits, s| bits | 1 << s);
+            if best_run(filled, hindered).0 < least {
+                return None;
+            }
+        }
         let (score, low, high) = best_run(filled, hindered);
         let height = |slice: usize| self.lowest_m + slice as f64 * self.slice_m;
         // Ties between neighbours go to the fuller column.
@@ -275,11 +307,8 @@ impl Stacks {
         let slice = |h: f64| ((h - self.lowest_m) / self.slice_m).clamp(0.0, SLICES as f64) as usize;
         let wanted = slice(heights_m.start)..slice(heights_m.end);
         let steps = around(0.0, radius_m, self.grid.cell_m);
-        let filled: usize = steps
-            .iter()
-            .map(|step| self.count((x, z), std::slice::from_ref(step)))
-            .map(|counts| counts[wanted.clone()].iter().filter(|n| **n > 0).count())
-            .sum();
+        let of_column = |column: usize| wanted.clone().filter(|s| self.filled_in(column) & (1 << s) != 0).count();
+        let filled: usize = self.around((x, z), &steps).map(of_column).sum();
         filled as f64 / (steps.len() * wanted.len()).max(1) as f64
     }
 }

@@ -5,7 +5,7 @@ use common::map::{LaneKind, LaneLine, Pole, RoadId, SemanticMap, Sign};
 use nalgebra::Point3;
 use rayon::prelude::*;
 
-use crate::cloud::Cloud;
+use crate::cloud::{Cloud, without_standing};
 use crate::config::Config;
 use crate::drive::Drive;
 use crate::error::{Error, Result};
@@ -131,6 +131,7 @@ fn stitch_window(
     let margin = config.cloud.beyond_m;
     let (from, to) = (reach(poses, first, -1, margin), reach(poses, last, 1, margin));
     let frames: Vec<usize> = drive.frames.iter().copied().filter(|f| (from..=to).contains(f)).collect();
+    let frames = without_standing(&frames, poses, config.cloud.most_from_one_place);
     let cloud = Cloud::stitch(drive, &frames, registration, config)?;
     let station = |f: usize| cloud.place(&poses[f].translation.vector.into()).station_m;
     let start = if is_first { f64::NEG_INFINITY } else { station(first) };

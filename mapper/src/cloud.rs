@@ -1,5 +1,6 @@
 //! The stitched cloud of one stretch of road.
 
+use common::geometry::Pose;
 use nalgebra::{Point2, Point3};
 use rayon::prelude::*;
 
@@ -85,11 +86,14 @@ pub struct CloudConfig {
     pub max_range_m: f64,
     /// Smallest range, metres: nearer echoes are the carrier vehicle.
     pub min_range_m: f64,
+    /// Most scans that are stitched from one place: a vehicle that stands sees
+    /// the same again, for as long as it stands.
+    pub most_from_one_place: usize,
 }
 
 impl Default for CloudConfig {
     fn default() -> Self {
-        Self { half_width_m: 25.0, beyond_m: 40.0, max_range_m: 60.0, min_range_m: 2.5 }
+        Self { half_width_m: 25.0, beyond_m: 40.0, max_range_m: 60.0, min_range_m: 2.5, most_from_one_place: 8 }
     }
 }
 
@@ -246,6 +250,24 @@ impl Cloud {
 /// something from one hides it from the other.
 const SAME_VIEW_M: f64 = 0.5;
 
+/// The frames without most of those in which the vehicle stands: of each place
+/// so many as are to be kept, spread over the time that it stands there, so
+/// that what moves on meanwhile is seen to.
+pub fn without_standing(frames: &[usize], map_from_camera: &[Pose], most: usize) -> Vec<usize> {
+    let apart_m =
+        |a: usize, b: usize| (map_from_camera[a].translation.vector - map_from_camera[b].translation.vector).norm();
+    let mut kept = Vec::with_capacity(frames.len());
+    let mut left = frames;
+    while let Some(first) = left.first() {
+        let (here, later) =
+            left.split_at(left.iter().take_while(|f| apart_m(*first, **f) < SAME_VIEW_M).count().max(1));
+        let count = here.len().min(most.max(1));
+        kept.extend((0..count).map(|k| here[k * (here.len() - 1) / (count - 1).max(1)]));
+        left = later;
+    }
+    kept
+}
+
 fn view_weights(sensor_map: &[Point3<f64>]) -> Vec<f64> {
     let same = |a: &Point3<f64>| sensor_map.iter().filter(|b| (a - **b).norm() < SAME_VIEW_M).count();
     sensor_map.iter().map(|a| (same(a) as f64).recip()).collect()
@@ -290,5 +312,28 @@ impl ByCell {
                 })
             })
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_vehicle_that_stands_fills_no_memory() {
+        // Up to a light in steps of 2 m, 300 frames there, and on.
+        let poses: Vec<Pose> = (0..340_i32)
+            .map(|f| f64::from(f.min(20) + (f - 320).max(0)) * 2.0 + 0.001 * f64::from(f % 3))
+            .map(|z| Pose::translation(0.0, 0.0, z))
+            .collect();
+        let all: Vec<usize> = (0..340).collect();
+        let kept = without_standing(&all, &poses, 8);
+        assert_eq!(kept.len(), 20 + 8 + 19);
+        assert!(kept.windows(2).all(|w| w[0] < w[1]));
+        let there: Vec<usize> = kept.iter().copied().filter(|f| (20..=320).contains(f)).collect();
+        assert_eq!((there[0], there[7]), (20, 320), "from when it stops until it goes on");
+        assert_eq!(without_standing(&all[..28], &poses, 8), all[..28], "a short stop is seen whole");
+        assert_eq!(without_standing(&all, &poses, 1).len(), 40);
+        assert!(without_standing(&[], &poses, 8).is_empty());
     }
 }

@@ -16,7 +16,8 @@ use divan::counter::{BytesCount, ItemsCount};
 use mapper::build::{build, find_lanes};
 use mapper::cloud::Cloud;
 use mapper::drive::Drive;
-use mapper::poles::{FittedPole, find_poles};
+use mapper::ground::Ground;
+use mapper::poles::{FittedPole, Plumb, Stack, Stacks, find_poles, fit_pole};
 use mapper::register::{Registration, refine};
 use mapper::signs::find_signs;
 use mapper::{Config, PoseSource};
@@ -33,6 +34,7 @@ struct Case {
     drive: Drive,
     registration: Registration,
     cloud: Cloud,
+    stacks: Vec<Stack>,
     poles: Vec<(PoleKind, FittedPole)>,
     map: SemanticMap,
     /// Length of the scans, bytes.
@@ -48,12 +50,18 @@ static CASE: LazyLock<Case> = LazyLock::new(|| {
     let drive = Drive::open(&root, sequence, 5, (0, 50), None, 120.0).unwrap();
     let registration = refine(&drive, &config.refine).unwrap();
     let cloud = Cloud::stitch(&drive, &drive.frames, &registration, &config).unwrap();
+    let stacks = find_stacks(&cloud, &config);
     let poles = find_poles(&cloud, &config.poles, &config.lidar);
     let map = build(&drive, PoseSource::Refine, &config, |_| Ok(())).unwrap().map;
     let scan_bytes = drive.frames.iter().map(|&f| std::fs::metadata(drive.scan_path(f)).unwrap().len()).sum();
     let name = format!("{}, {} scans of frames 0 to 50", drive.name(), drive.frames.len());
-    Case { name, config, drive, registration, cloud, poles, map, scan_bytes }
+    Case { name, config, drive, registration, cloud, stacks, poles, map, scan_bytes }
 });
+
+fn find_stacks(cloud: &Cloud, config: &Config) -> Vec<Stack> {
+    let stacks = Stacks::new(&cloud.points, cloud.ground.grid(), &config.poles);
+    stacks.find(&config.poles).into_iter().chain(stacks.find_before(&config.poles)).collect()
+}
 
 fn generated() -> PathBuf {
     let root = Path::new(env!("CARGO_TARGET_TMPDIR")).join("bench");
@@ -92,6 +100,35 @@ fn stitch(bencher: Bencher) {
         .bench(|| Cloud::stitch(&CASE.drive, &CASE.drive.frames, &CASE.registration, &CASE.config).unwrap());
 }
 
+/// The ground under the points of a cloud.
+#[divan::bench(sample_count = 20)]
+fn ground(bencher: Bencher) {
+    let Cloud { points, ground, path, path_index, .. } = &CASE.cloud;
+    bencher.counter(ItemsCount::new(points.len())).bench(|| {
+        let positions = points.iter().map(|p| p.position);
+        Ground::grow(positions, path, path_index, ground.grid().clone(), &CASE.config.ground)
+    });
+}
+
+/// Points to isolated upright stacks: what could be a pole.
+#[divan::bench(sample_count = 20)]
+fn stacks(bencher: Bencher) {
+    bencher.counter(ItemsCount::new(CASE.cloud.points.len())).bench(|| find_stacks(&CASE.cloud, &CASE.config));
+}
+
+/// Stacks to axes.
+#[divan::bench(sample_count = 20)]
+fn fits(bencher: Bencher) {
+    let (cloud, config) = (&CASE.cloud, &CASE.config);
+    let plumb = Plumb::of_map(&config.poles);
+    bencher.counter(ItemsCount::new(CASE.stacks.len())).bench(|| {
+        let fit =
+            |stack: &Stack| fit_pole(cloud, cloud.near(&stack.centre), stack, &plumb, &config.poles, &config.lidar);
+        CASE.stacks.iter().filter_map(fit).count()
+    });
+}
+
+/// Stacks, their fits, and which of them are poles.
 #[divan::bench(sample_count = 20)]
 fn poles(bencher: Bencher) {
     bencher
@@ -99,6 +136,7 @@ fn poles(bencher: Bencher) {
         .bench(|| find_poles(&CASE.cloud, &CASE.config.poles, &CASE.config.lidar));
 }
 
+/// Clusters of bright points, and plates on posts.
 #[divan::bench(sample_count = 20)]
 fn signs(bencher: Bencher) {
     bencher
@@ -106,6 +144,7 @@ fn signs(bencher: Bencher) {
         .bench(|| find_signs(&CASE.cloud, &CASE.poles, &CASE.config.signs, &CASE.config.lidar));
 }
 
+/// Points of paint to lane lines.
 #[divan::bench(sample_count = 20)]
 fn lanes(bencher: Bencher) {
     bencher.counter(ItemsCount::new(CASE.cloud.points.len())).bench(|| find_lanes(&CASE.cloud, &CASE.config));

@@ -32,7 +32,7 @@ pub struct BudgetConfig {
     pub sign_sigma_of_size: f64,
     /// Lane line in the image, pixels.
     pub lane_sigma_px: f64,
-    /// What a localizer allows a mapped pole or sign to be off, metres, whatever
+    /// How far a mapped pole or sign is off in the image, metres, whatever
     /// its evidence: image and lidar do not see the same middle of it, and
     /// posts get bent.
     pub landmark_sigma_m: f64,
@@ -52,12 +52,20 @@ pub struct BudgetConfig {
     pub camera: Camera,
     /// How often landmarks are found in an image that shows them.
     pub found: Found,
+    /// How far off a pose may be that is taken for the right one, to the right
+    /// and forward, metres: as far as a search starts from, next to a lane.
+    pub wrong_m: [f64; 2],
+    /// How surely a landmark that is found tells the right pose from a wrong
+    /// one at most, nats: at a wrong one, something else stands in its place
+    /// now and then.
+    pub most_evidence: f64,
     /// Errors that weigh the same, in the camera's axes: right, down, forward
     /// (metres), pitch, yaw, roll (radians). A camera that is wrong in height
     /// or tilt takes one landmark for another, so these count, too.
     pub wanted_sigma: [f64; 6],
     /// Power of the weighted variance of a place: 1 for the least mean square
-    /// error along the drive; larger ones care more for the worst places.
+    /// error along the drive; larger ones care more for the worst places, from
+    /// where on a drive may be lost.
     pub worst_power: f64,
     /// Coarser details that are tried where a map does not fit: quantum, lane
     /// tolerance, road tolerance, metres. The one that localizes best is
@@ -110,19 +118,21 @@ impl Default for BudgetConfig {
             least_relative_size: 0.017,
             lane_near_m: 5.0,
             lane_far_m: 30.0,
-            landmark_sigma_m: 0.1,
-            lane_sigma_m: 0.03,
+            landmark_sigma_m: 0.05,
+            lane_sigma_m: 0.02,
             pole_sigma_px: 1.5,
             sign_sigma_px: 1.5,
             sign_sigma_of_size: 0.1,
             lane_sigma_px: 1.5,
             calibration_sigma_px: 1.0,
             before_sigma: [1.0, 0.2, 1.0, 0.02, 0.035, 0.02],
-            drift_sigma: [0.1, 0.05, 0.2, 0.01, 0.01, 0.01],
+            drift_sigma: [0.05, 0.03, 0.1, 0.005, 0.005, 0.005],
             camera: Camera::default(),
             found: Found::default(),
             wanted_sigma: [0.1, 0.1, 0.1, 0.005, 0.005, 0.005],
-            worst_power: 1.0,
+            wrong_m: [2.0, 2.0],
+            most_evidence: 3.0,
+            worst_power: 2.0,
             coarser: vec![[0.02, 0.05, 0.2], [0.05, 0.08, 0.3]],
         }
     }

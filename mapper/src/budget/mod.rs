@@ -1,7 +1,8 @@
 //! A map within a byte budget: the landmarks that localize best.
 //!
 //! Along the roads stand [`Places`]; what a forward camera sees from each of
-//! them, and how much it tells about its pose, is linearised once (`sight`).
+//! them, and how much it tells about its pose, is linearised once (`sight`);
+//! with too few in view it may take a wrong pose for the right one (`doubt`).
 //! `select` then takes the landmarks one after the other that tell most per
 //! byte, where least is known, until the bytes are used up.
 
@@ -9,6 +10,7 @@ mod accuracy;
 mod config;
 mod cost;
 mod detail;
+mod doubt;
 mod places;
 mod select;
 mod sight;

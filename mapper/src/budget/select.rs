@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use super::BudgetConfig;
 use super::accuracy::{badness, before, rows};
 use super::cost::{Coder, Group};
+use super::doubt::Doubt;
 use super::places::Places;
 use super::sight::Row;
 use crate::error::Result;
@@ -66,6 +67,7 @@ impl Eq for Offer {}
 /// What is known at each place.
 struct Belief<'a> {
     information: Vec<Matrix6<f64>>,
+    doubt: Vec<Doubt>,
     badness: Vec<f64>,
     config: &'a BudgetConfig,
 }
@@ -73,25 +75,28 @@ struct Belief<'a> {
 impl<'a> Belief<'a> {
     fn new(places: usize, config: &'a BudgetConfig) -> Self {
         let information = before(config);
-        let bad = bad(&information, config);
-        Self { information: vec![information; places], badness: vec![bad; places], config }
+        let doubt = Doubt::default();
+        let bad = bad(&information, &doubt, config);
+        Self { information: vec![information; places], doubt: vec![doubt; places], badness: vec![bad; places], config }
+    }
+
+    /// What is known at a place with some rows of one landmark, too.
+    fn with(&self, here: &[Row]) -> (Matrix6<f64>, Doubt, f64) {
+        let place = here[0].place;
+        let information = self.information[place] + told(here);
+        let doubt = self.doubt[place].less(here, self.config);
+        (information, doubt, bad(&information, &doubt, self.config))
     }
 
     /// By how much a landmark would lower the sum.
     fn worth(&self, rows: &[Row]) -> f64 {
-        rows.chunk_by(|a, b| a.place == b.place)
-            .map(|here| {
-                let place = here[0].place;
-                self.badness[place] - bad(&(self.information[place] + told(here)), self.config)
-            })
-            .sum()
+        rows.chunk_by(|a, b| a.place == b.place).map(|here| self.badness[here[0].place] - self.with(here).2).sum()
     }
 
     fn take(&mut self, rows: &[Row]) {
         for here in rows.chunk_by(|a, b| a.place == b.place) {
             let place = here[0].place;
-            self.information[place] += told(here);
-            self.badness[place] = bad(&self.information[place], self.config);
+            (self.information[place], self.doubt[place], self.badness[place]) = self.with(here);
         }
     }
 }
@@ -100,9 +105,10 @@ fn told(rows: &[Row]) -> Matrix6<f64> {
     rows.iter().map(|row| row.row * row.row.transpose()).sum()
 }
 
-fn bad(information: &Matrix6<f64>, config: &BudgetConfig) -> f64 {
+fn bad(information: &Matrix6<f64>, doubt: &Doubt, config: &BudgetConfig) -> f64 {
     // Positive definite, for what was known before is in it.
-    information.cholesky().map_or(0.0, |factor| badness(&factor.inverse(), config))
+    let covariance = information.cholesky().map_or_else(Matrix6::zeros, |factor| factor.inverse());
+    badness(&(covariance + doubt.spread(config)), config)
 }
 
 /// Bytes by which the sum of the groups may differ from the file: its bounds,

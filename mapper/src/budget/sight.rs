@@ -18,8 +18,18 @@ use crate::evidence::{LineEvidence, PointEvidence};
 pub struct Row {
     /// Index of the place.
     pub place: usize,
-    /// The row.
+    /// The row, times the square root of `found`: found in a share of the
+    /// images, it gives so much of the information.
     pub row: Vector6<f64>,
+    /// Share of the images in which its landmark is found here.
+    pub found: f64,
+}
+
+impl Row {
+    fn new(place: usize, whitened: Vector6<f64>, found: f64) -> Self {
+        let found = found.clamp(0.0, 1.0);
+        Self { place, row: whitened * found.sqrt(), found }
+    }
 }
 
 struct Lens<'a> {
@@ -41,12 +51,11 @@ impl Lens<'_> {
 
     /// Derivative of `normal . pixel` for the pose, over its standard
     /// deviation; a point moves by `-rho + p x phi` in the camera's axes.
-    fn row(&self, p: &Vector3<f64>, normal: &Vector2<f64>, sigma_px: f64, found: f64) -> Vector6<f64> {
+    fn row(&self, p: &Vector3<f64>, normal: &Vector2<f64>, sigma_px: f64) -> Vector6<f64> {
         let (gx, gy) = (normal.x * self.config.camera.focal_px / p.z, normal.y * self.config.camera.focal_px / p.z);
         let g = Vector3::new(gx, gy, -(gx * p.x + gy * p.y) / p.z);
         let about = g.cross(p);
-        // Found in a share of the images: so much of the information.
-        Vector6::new(-g.x, -g.y, -g.z, about.x, about.y, about.z) * (found.max(0.0).sqrt() / sigma_px)
+        Vector6::new(-g.x, -g.y, -g.z, about.x, about.y, about.z) / sigma_px
     }
 }
 
@@ -70,7 +79,7 @@ pub fn of_pole(pole: &Pole, evidence: &PointEvidence, places: &Places, config: &
         for p in [upper, lower] {
             let landmark_px = landmark_m.hypot(config.landmark_sigma_m) * config.camera.focal_px / p.z;
             let sigma_px = config.pole_sigma_px.hypot(config.calibration_sigma_px).hypot(landmark_px);
-            rows.push(Row { place: index, row: lens.row(&p, &normal, sigma_px, found) });
+            rows.push(Row::new(index, lens.row(&p, &normal, sigma_px), found));
         }
     }
     rows
@@ -122,7 +131,7 @@ pub fn of_sign(sign: &Sign, evidence: &PointEvidence, places: &Places, config: &
             let landmark_px = landmark_m.hypot(config.landmark_sigma_m) * config.camera.focal_px / p.z;
             let size_px = sign.size_m * config.camera.focal_px / p.z * config.sign_sigma_of_size;
             let sigma_px = config.sign_sigma_px.hypot(size_px).hypot(config.calibration_sigma_px).hypot(landmark_px);
-            rows.push(Row { place: index, row: lens.row(&p, &normal, sigma_px, config.found.signs) });
+            rows.push(Row::new(index, lens.row(&p, &normal, sigma_px), config.found.signs));
         }
     }
     rows
@@ -153,12 +162,12 @@ pub fn of_lane(lane: &LaneLine, evidence: &LineEvidence, places: &Places, config
             let lateral_px = normal.x * evidence.lateral_sigma_m.hypot(config.lane_sigma_m) * scale;
             let vertical_px = normal.y * evidence.vertical_sigma_m.hypot(config.lane_sigma_m) * scale;
             let sigma_px = config.lane_sigma_px.hypot(config.calibration_sigma_px).hypot(lateral_px).hypot(vertical_px);
-            rows.push(Row { place: index, row: lens.row(&p, &normal, sigma_px, 1.0) });
+            rows.push(Row::new(index, lens.row(&p, &normal, sigma_px), 1.0));
         }
         let found = config.found.lanes * (in_view_m / config.found.lane_length_m.max(1e-9)).min(1.0).powf(1.5);
         let seen = (rows.len() - start) as f64;
         for row in &mut rows[start..] {
-            row.row *= (found.max(0.0) * (2.0 / seen).min(1.0)).sqrt();
+            *row = Row::new(index, row.row * (2.0 / seen).min(1.0).sqrt(), found);
         }
     }
     rows

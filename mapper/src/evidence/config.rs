@@ -32,6 +32,9 @@ pub struct EvidenceConfig {
     pub ground_sigma_m: f64,
     /// The same where no ground was seen under it, metres.
     pub unseen_ground_sigma_m: f64,
+    /// What is left of an error in the elevation of the beams, radians: all
+    /// scans share it, and a landmark errs in height by it times its range.
+    pub elevation_sigma_rad: f64,
     /// Height of the centroid of a plate that goes on above the lidar's field
     /// of view, metres: plates are 0.4 to 1 m high.
     pub cut_off_sigma_m: f64,
@@ -55,11 +58,12 @@ impl Default for EvidenceConfig {
             slice_sigma_m: 0.03,
             slice_m: 0.1,
             piece_m: 4.0,
-            surface_sigma_m: 0.02,
+            surface_sigma_m: 0.015,
             tilt_sigma_rad: 0.02,
             reach_m: 0.2,
             ground_sigma_m: 0.03,
             unseen_ground_sigma_m: 0.1,
+            elevation_sigma_rad: 1e-3,
             cut_off_sigma_m: 0.15,
             unseen_share: 0.5,
             floor_m: 0.01,

@@ -48,19 +48,27 @@ pub fn of_sign(cloud: &Cloud, sign: &Sign, config: &EvidenceConfig, lidar: &Lida
     let scans = scatter.scans() as f64;
     let pose_m2 = components.scan / scans;
     let range_m = points.iter().map(|p| f64::from(p.range_m)).sum::<f64>() / points.len() as f64;
-    let edge = |axis: &Vector3<f64>, gap_m: f64| {
+    let extent_m = |axis: &Vector3<f64>| {
         let along = points.iter().map(|p| (p.position - at).dot(axis));
         let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
+        high - low
+    };
+    let (width_m, height_m) = (extent_m(&across), extent_m(&Vector3::y()));
+    let edge = |seen_m: f64, other_m: f64, gap_m: f64| {
         // Two edges, each anywhere in the gap beside the outermost beam of all
         // scans: the variance of their middle is `gap^2 / 24`.
         let gap_m = gap_m / scans;
-        // The largest extent of a plate is its diagonal: its sides are shorter.
-        let unseen_m = (sign.size_m * std::f64::consts::FRAC_1_SQRT_2 - (high - low)).max(0.0);
+        // The largest extent of a plate is its diagonal: a side is as long as
+        // the other one leaves of it, and no longer than that of a square.
+        let side_m = (sign.size_m.powi(2) - other_m.powi(2)).max(0.0).sqrt();
+        let unseen_m = (side_m.min(sign.size_m * std::f64::consts::FRAC_1_SQRT_2) - seen_m).max(0.0);
         gap_m * gap_m / 24.0 + (config.unseen_share * unseen_m).powi(2)
     };
     let cut_m2 = if is_cut_off(cloud, &points, lidar) { config.cut_off_sigma_m.powi(2) } else { 0.0 };
-    let vertical_m2 = pose_m2 + cut_m2 + edge(&Vector3::y(), lidar.elevation_step_rad * range_m);
-    let lateral_m2 = pose_m2 + edge(&across, lidar.azimuth_step_rad * range_m);
+    let beams_m = config.elevation_sigma_rad * range_m;
+    let vertical_m2 =
+        pose_m2 + beams_m * beams_m + cut_m2 + edge(height_m, width_m, lidar.elevation_step_rad * range_m);
+    let lateral_m2 = pose_m2 + edge(width_m, height_m, lidar.azimuth_step_rad * range_m);
     let covariance = deep * deep.transpose() * components.mean
         + across * across.transpose() * lateral_m2
         + Vector3::y() * Vector3::y().transpose() * vertical_m2
@@ -68,16 +76,18 @@ pub fn of_sign(cloud: &Cloud, sign: &Sign, config: &EvidenceConfig, lidar: &Lida
     PointEvidence::new(&covariance, points.len(), scatter.scans())
 }
 
-/// Whether the highest point of a plate lies within a beam of the upper end of
-/// the field of view of its scan: then nobody knows how far up it goes on.
+/// Whether no scan of a plate looks beyond its highest point by more than a
+/// beam: then nobody knows how far up it goes on. Scans from farther away look
+/// higher.
 fn is_cut_off(cloud: &Cloud, points: &[&CloudPoint], lidar: &LidarConfig) -> bool {
-    let highest = points.iter().min_by(|a, b| a.position.y.total_cmp(&b.position.y));
-    let elevation_rad = highest.and_then(|p| {
-        let sensor = cloud.sensor_map.get(usize::from(p.scan))?;
-        let d = p.position - sensor;
-        Some((-d.y).atan2(d.x.hypot(d.z)))
-    });
-    elevation_rad.is_some_and(|elevation| elevation > lidar.highest_rad - 1.5 * lidar.elevation_step_rad)
+    let Some(top) = points.iter().map(|p| p.position).min_by(|a, b| a.y.total_cmp(&b.y)) else { return false };
+    let looks_beyond = |p: &&CloudPoint| {
+        cloud.sensor_map.get(usize::from(p.scan)).is_some_and(|sensor| {
+            let d = top - sensor;
+            (-d.y).atan2(d.x.hypot(d.z)) < lidar.highest_rad - 1.5 * lidar.elevation_step_rad
+        })
+    };
+    !points.iter().any(looks_beyond)
 }
 
 #[cfg(test)]
@@ -115,6 +125,9 @@ mod tests {
         assert!((half.sigma_m(&Vector3::x()) / whole.sigma_m(&Vector3::x()) - 1.0).abs() < 0.1);
         assert_eq!(whole.scans, 4);
         assert!(plate(&sign(true), false).sigma_m(&up) > config.cut_off_sigma_m * 0.99);
+        // From far away one looks over it, from near by not.
+        let middling = Sign { centroid_map: Point3::new(4.0, -0.2, 40.0), ..sign(false) };
+        assert!(plate(&middling, false).sigma_m(&up) < config.cut_off_sigma_m / 2.0);
         let nothing = of_sign(&Street::new().cloud(), &sign(false), &config, &LidarConfig::default());
         assert!(nothing.sigma_m(&up) > config.unknown_vertical_sigma_m * 0.99);
     }

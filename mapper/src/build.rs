@@ -98,7 +98,7 @@ pub fn build(
         under_path = under_path.max(cloud.ground.under_path());
         let found = extract(&cloud, &owned, &map, config);
         let window_poles: Vec<Pole> = found.poles.iter().map(|(pole, _)| *pole).collect();
-        evidence.add(&cloud, &window_poles, &found.signs, &found.lanes, config);
+        let known = evidence.add(&cloud, &window_poles, &found.signs, &found.lanes, config);
         on_window(&Window {
             cloud: &cloud,
             owned,
@@ -108,7 +108,8 @@ pub fn build(
             done: k + 1,
             count: windows.len(),
         })?;
-        passes.add(k as u32, found.poles, found.signs, found.lanes);
+        let poles = found.poles.into_iter().map(|(pole, _)| pole).collect();
+        passes.add(k as u32, &known, poles, found.signs, found.lanes);
     }
     if under_path < config.ground.least_under_path {
         return Err(Error::NoGround { drive: drive.name(), seen_percent: 100.0 * under_path });

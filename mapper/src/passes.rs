@@ -2,54 +2,43 @@
 //! drive may come back to a place.
 
 use common::map::{LaneLine, Pole, RoadId, SemanticMap, Sign};
-use nalgebra::Matrix3;
 
-use crate::fuse::{FuseConfig, FusedLane, Sighting, fuse_lanes, fuse_poles, fuse_signs};
-use crate::poles::FittedPole;
+use crate::evidence::PointCovariances;
+use crate::fuse::{FuseConfig, FusedLane, Sighting, fuse_lanes, fuse_poles, fuse_signs, sightings};
 use crate::roads::runs;
 
 /// What the windows of a drive have found. Each window counts as a pass, for
 /// within one its landmarks were told apart.
 #[derive(Debug, Default)]
 pub struct Passes {
-    poles: Vec<(Sighting<Pole>, FittedPole)>,
+    poles: Vec<Sighting<Pole>>,
     signs: Vec<Sighting<Sign>>,
     lanes: Vec<Sighting<LaneLine>>,
 }
 
 impl Passes {
-    /// Adds what a window has found.
-    pub fn add(&mut self, window: u32, poles: Vec<(Pole, FittedPole)>, signs: Vec<Sign>, lanes: Vec<LaneLine>) {
-        self.poles.extend(poles.into_iter().map(|(landmark, fitted)| (sighting(landmark, window), fitted)));
-        self.signs.extend(signs.into_iter().map(|landmark| sighting(landmark, window)));
-        self.lanes.extend(lanes.into_iter().map(|landmark| sighting(landmark, window)));
+    /// Adds what a window has found, and how well its poles and signs are
+    /// known.
+    pub fn add(
+        &mut self,
+        window: u32,
+        known: &PointCovariances,
+        poles: Vec<Pole>,
+        signs: Vec<Sign>,
+        lanes: Vec<LaneLine>,
+    ) {
+        self.poles.extend(sightings(poles, window, &known.poles));
+        self.signs.extend(sightings(signs, window, &known.signs));
+        self.lanes.extend(sightings(lanes, window, &[]));
     }
 
     /// Puts each landmark into the map once.
     pub fn join(self, map: &mut SemanticMap, config: &FuseConfig) {
-        let known = |(sighting, fitted): (Sighting<Pole>, FittedPole)| Sighting {
-            covariance_map_m2: Some(foot_covariance_m2(&fitted, config)),
-            ..sighting
-        };
-        let poles: Vec<Sighting<Pole>> = self.poles.into_iter().map(known).collect();
-        map.poles = fuse_poles(&poles, config).into_iter().map(|f| f.landmark).collect();
+        map.poles = fuse_poles(&self.poles, config).into_iter().map(|f| f.landmark).collect();
         map.signs = fuse_signs(&self.signs, config).into_iter().map(|f| f.landmark).collect();
         let lanes = fuse_lanes(&self.lanes, config);
         map.lanes = lanes.iter().flat_map(|line| by_road(line, map, config)).collect();
     }
-}
-
-fn sighting<T>(landmark: T, pass: u32) -> Sighting<T> {
-    Sighting { landmark, pass, covariance_map_m2: None }
-}
-
-/// Covariance of the foot of a pole, square metres: its points err together
-/// within a scan, so the scans count; the few points of a far one do not tell
-/// its width, and all that is left of the spread is theirs.
-fn foot_covariance_m2(pole: &FittedPole, config: &FuseConfig) -> Matrix3<f64> {
-    let scans = pole.scans.max(1) as f64;
-    let views = scans.min(pole.points as f64 / config.pole_scan_points).max(1.0);
-    Matrix3::identity() * (config.pole_scan_sigma_m.powi(2) + pole.spread_m.powi(2)) / views
 }
 
 /// A line that several passes drew, cut where another road is nearer: passes
@@ -84,7 +73,7 @@ fn by_road(line: &FusedLane, map: &SemanticMap, config: &FuseConfig) -> Vec<Lane
 mod tests {
     use super::*;
     use common::map::{LaneKind, PoleKind, Road};
-    use nalgebra::Point3;
+    use nalgebra::{Matrix3, Point3};
 
     fn two_roads() -> SemanticMap {
         let road = |from: f64, to: f64| Road { path_map: vec![Point3::new(0.0, 0.0, from), Point3::new(0.0, 0.0, to)] };
@@ -99,39 +88,35 @@ mod tests {
         }
     }
 
-    fn pole(x: f64, z: f64) -> (Pole, FittedPole) {
-        let (foot, top) = (Point3::new(x, 1.6, z), Point3::new(x, -1.4, z));
-        let fitted = FittedPole {
-            foot,
-            top,
-            foot_height_m: 0.0,
-            top_height_m: 3.0,
-            radius_m: 0.05,
-            spread_m: 0.02,
-            points: 100,
-            scans: 5,
-            visibility: 1.0,
-            was_near: true,
-            free_m: 2.5,
-            top_is_open: false,
-            attached_share: 0.0,
-            rail: None,
-            reflectance: 0.3,
-            slope: nalgebra::Vector2::zeros(),
-            slope_covariance: nalgebra::Matrix2::identity() * 1e-4,
-        };
-        (Pole { kind: PoleKind::SignPost, foot_map: foot, top_map: top, road: RoadId(0) }, fitted)
+    fn pole(x: f64, z: f64) -> Pole {
+        let foot_map = Point3::new(x, 1.6, z);
+        let top_map = Point3::new(x, -1.4, z);
+        Pole { kind: PoleKind::SignPost, foot_map, top_map, road: RoadId(0) }
+    }
+
+    /// The same standard deviation for all poles of a window.
+    fn known(sigma_m: f64, poles: usize) -> PointCovariances {
+        let poles = vec![Matrix3::identity() * sigma_m * sigma_m; poles];
+        PointCovariances { poles, signs: Vec::new() }
     }
 
     #[test]
     fn what_two_passes_found_is_in_the_map_once() {
         let mut passes = Passes::default();
-        passes.add(0, vec![pole(4.0, 10.0), pole(4.0, 10.4)], Vec::new(), vec![lane(-2.0, 0.0, 50.0, 0)]);
-        passes.add(1, vec![pole(5.0, 60.0)], Vec::new(), vec![lane(-2.0, 50.0, 100.0, 1)]);
-        passes.add(2, vec![pole(4.02, 10.02)], Vec::new(), vec![lane(-1.96, 20.0, 80.0, 0)]);
+        passes.add(
+            0,
+            &known(0.2, 2),
+            vec![pole(4.0, 10.0), pole(4.0, 10.4)],
+            Vec::new(),
+            vec![lane(-2.0, 0.0, 50.0, 0)],
+        );
+        passes.add(1, &known(0.02, 1), vec![pole(5.0, 60.0)], Vec::new(), vec![lane(-2.0, 50.0, 100.0, 1)]);
+        passes.add(2, &known(0.02, 1), vec![pole(4.02, 10.02)], Vec::new(), vec![lane(-1.96, 20.0, 80.0, 0)]);
         let mut map = two_roads();
         passes.join(&mut map, &FuseConfig::default());
         assert_eq!(map.poles.len(), 3, "two of one window are two, {:?}", map.poles);
+        // It is where the window saw it that knows it ten times as well.
+        assert!(map.poles.iter().any(|pole| (pole.foot_map - Point3::new(4.02, 1.6, 10.02)).norm() < 2e-3));
         let length_m: f64 =
             map.lanes.iter().map(|l| (l.points_map[l.points_map.len() - 1] - l.points_map[0]).norm()).sum();
         assert!((length_m - 100.0).abs() < 1.0, "{:?}", map.lanes);

@@ -3,7 +3,9 @@
 use common::map::{LaneLine, Pole, SemanticMap, Sign};
 use nalgebra::{Matrix3, Point3};
 
-use super::{EvidenceConfig, LineEvidence, LinePoints, MapEvidence, PointEvidence, of_lane, of_pole, of_sign};
+use super::{
+    EvidenceConfig, LineEvidence, LinePoints, MapEvidence, PointCovariances, PointEvidence, of_lane, of_pole, of_sign,
+};
 use crate::cloud::Cloud;
 use crate::config::Config;
 
@@ -22,15 +24,29 @@ pub struct EvidenceBook {
 const SAME_M: f64 = 0.3;
 
 impl EvidenceBook {
-    /// Measures the landmarks of a window on its cloud.
-    pub fn add(&mut self, cloud: &Cloud, poles: &[Pole], signs: &[Sign], lanes: &[LaneLine], config: &Config) {
+    /// Measures the landmarks of a window on its cloud, and returns how well
+    /// these are known.
+    pub fn add(
+        &mut self,
+        cloud: &Cloud,
+        poles: &[Pole],
+        signs: &[Sign],
+        lanes: &[LaneLine],
+        config: &Config,
+    ) -> PointCovariances {
         let settings = &config.evidence;
-        self.poles.extend(poles.iter().map(|pole| (pole.foot_map, of_pole(cloud, pole, settings))));
-        self.signs.extend(signs.iter().map(|sign| (sign.centroid_map, of_sign(cloud, sign, settings, &config.lidar))));
+        let known = MapEvidence {
+            poles: poles.iter().map(|pole| of_pole(cloud, pole, settings)).collect(),
+            signs: signs.iter().map(|sign| of_sign(cloud, sign, settings, &config.lidar)).collect(),
+            lanes: Vec::new(),
+        };
+        self.poles.extend(poles.iter().map(|pole| pole.foot_map).zip(known.poles.iter().copied()));
+        self.signs.extend(signs.iter().map(|sign| sign.centroid_map).zip(known.signs.iter().copied()));
         if !lanes.is_empty() {
             let paint = LinePoints::of(cloud, config);
             self.lanes.extend(lanes.iter().map(|lane| (lane.clone(), of_lane(&paint, lane, settings))));
         }
+        known.covariances()
     }
 
     /// The evidence of each landmark of a map, in its order. Rounding to the

@@ -51,6 +51,16 @@ pub struct PointEvidence {
     pub scans: usize,
 }
 
+/// Covariances of the points of some landmarks, in their order: what is needed
+/// to weigh several sightings of one.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PointCovariances {
+    /// Of the feet of poles, map axes, square metres.
+    pub poles: Vec<Matrix3<f64>>,
+    /// Of the centroids of signs.
+    pub signs: Vec<Matrix3<f64>>,
+}
+
 /// How well a lane line is known, on average along it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -100,6 +110,12 @@ impl MapEvidence {
             signs: vec![point([along, up, along]); map.signs.len()],
             lanes: vec![line; map.lanes.len()],
         }
+    }
+
+    /// Those of its poles and signs.
+    pub fn covariances(&self) -> PointCovariances {
+        let all = |list: &[PointEvidence]| list.iter().map(PointEvidence::covariance).collect();
+        PointCovariances { poles: all(&self.poles), signs: all(&self.signs) }
     }
 
     /// Whether it has one entry for each landmark of a map.

@@ -66,13 +66,6 @@ pub struct FuseConfig {
     /// pass and grid of the file. It is added to every covariance, so that many
     /// points of one pass do not outvote another pass.
     pub floor_sigma_m: f64,
-    /// Error of a pole's foot in one scan, metres per axis: registration, range
-    /// and beam. A build weighs by it what the windows of a drive saw twice;
-    /// maps do not say how well their poles are known.
-    pub pole_scan_sigma_m: f64,
-    /// Points of one scan that tell a pole's foot as well as a scan can: with
-    /// fewer, the few points of a far pole do not tell its width.
-    pub pole_scan_points: f64,
 }
 
 impl Default for FuseConfig {
@@ -91,8 +84,6 @@ impl Default for FuseConfig {
             tolerance_m: 0.03,
             default_sigma_m: 0.05,
             floor_sigma_m: 0.03,
-            pole_scan_sigma_m: 0.05,
-            pole_scan_points: 10.0,
         }
     }
 }
@@ -108,6 +99,18 @@ pub struct Sighting<T> {
     /// vertex of a lane line), map frame, square metres; none where it is not
     /// known.
     pub covariance_map_m2: Option<Matrix3<f64>>,
+}
+
+/// What one pass found, with its covariances (square metres) as far as there
+/// are any.
+pub fn sightings<T>(
+    landmarks: Vec<T>,
+    pass: u32,
+    covariances_map_m2: &[Matrix3<f64>],
+) -> impl Iterator<Item = Sighting<T>> {
+    let covariances = covariances_map_m2.iter().copied().map(Some).chain(std::iter::repeat(None));
+    let sighting = move |(landmark, covariance_map_m2)| Sighting { landmark, pass, covariance_map_m2 };
+    landmarks.into_iter().zip(covariances).map(sighting)
 }
 
 /// A landmark out of one or more sightings.

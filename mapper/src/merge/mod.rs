@@ -15,6 +15,7 @@
 mod align;
 mod config;
 mod field;
+mod known;
 mod lines;
 mod marks;
 mod report;
@@ -35,7 +36,7 @@ pub use report::{Counts, MergeReport, SourceReport};
 pub use roads::{Nearest, added_roads};
 pub use source::{Source, Sources, path_beside};
 
-use crate::fuse::{Fused, Sighting, fuse_lanes, fuse_poles, fuse_signs, length_m};
+use crate::fuse::{Fused, Sighting, fuse_lanes, fuse_poles, fuse_signs, length_m, sightings};
 use align::{Alignment, align};
 use lines::{Rules, line_parts, on_nearest_road};
 use roads::Union;
@@ -80,16 +81,17 @@ pub fn merge(sources: &[Source], config: &MergeConfig) -> Merged {
     let nearest = Nearest::new(&map.roads);
     let road_of = |point: &Point3<f64>| nearest.to(point).map_or(RoadId(0), |found| found.0);
 
-    let poles = sightings(&moved, &passes, |map| &map.poles);
+    // What turns a map turns its covariances by a degree at most.
+    let poles = all(&passes, |pass| sightings(moved[pass].poles.clone(), pass as u32, &sources[pass].known.poles));
     let kept = stay(fuse_poles(&poles, &config.fuse), &poles, |p| p.foot_map, &witnesses, config, &mut report.poles);
     map.poles.extend(kept.into_iter().map(|pole| Pole { road: road_of(&pole.foot_map), ..pole }));
 
-    let signs = sightings(&moved, &passes, |map| &map.signs);
+    let signs = all(&passes, |pass| sightings(moved[pass].signs.clone(), pass as u32, &sources[pass].known.signs));
     let kept =
         stay(fuse_signs(&signs, &config.fuse), &signs, |s| s.centroid_map, &witnesses, config, &mut report.signs);
     map.signs.extend(kept.into_iter().map(|sign| Sign { road: road_of(&sign.centroid_map), ..sign }));
 
-    let lanes = sightings(&moved, &passes, |map| &map.lanes);
+    let lanes = all(&passes, |pass| sightings(moved[pass].lanes.clone(), pass as u32, &[]));
     report.lanes_m.given = lanes.iter().map(|lane| length_m(&lane.landmark.points_map)).sum();
     let rules = Rules { witnesses: &witnesses, config, road_of: &road_of };
     for lane in fuse_lanes(&lanes, &config.fuse) {
@@ -119,17 +121,8 @@ fn add_as_given(
     }
 }
 
-fn sightings<T: Clone>(
-    moved: &[SemanticMap],
-    passes: &[usize],
-    of: impl Fn(&SemanticMap) -> &Vec<T>,
-) -> Vec<Sighting<T>> {
-    let each = passes.iter().flat_map(|&pass| {
-        let sighting =
-            move |landmark: &T| Sighting { landmark: landmark.clone(), pass: pass as u32, covariance_map_m2: None };
-        of(&moved[pass]).iter().map(sighting).collect::<Vec<_>>()
-    });
-    each.collect()
+fn all<T, S: Iterator<Item = Sighting<T>>>(passes: &[usize], of: impl Fn(usize) -> S) -> Vec<Sighting<T>> {
+    passes.iter().flat_map(|pass| of(*pass)).collect()
 }
 
 /// The landmarks that most of the passes that came near have.

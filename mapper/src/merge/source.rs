@@ -4,25 +4,31 @@
 //! a union of sets are the union of the sources. So it does not matter in
 //! which order or in which steps maps are merged. The sources lie beside the
 //! merged map: `area.sources` beside `area.csm`.
+//!
+//! With a source goes what the report of its build knows of its poles and
+//! signs, so that a merge weighs them by it.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use common::atomic_file;
 use common::map::{EncodeOptions, SemanticMap, layout};
 
+use super::known;
 use crate::error::{Error, Result};
-use crate::report::checksum;
+use crate::evidence::{MapEvidence, PointCovariances};
+use crate::report::{checksum, read_beside};
 
 /// The first bytes of a file of sources.
 const MAGIC: &[u8; 4] = b"CSMS";
 /// Version of that file.
-const VERSION: u8 = 1;
+const VERSION: u8 = 2;
 
-/// Map files, each once, in an order of their own.
+/// Map files, each once, in an order of their own, with the covariances of
+/// their points as bytes: none where they are not known.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Sources(BTreeSet<Arc<[u8]>>);
+pub struct Sources(BTreeMap<Arc<[u8]>, Arc<[u8]>>);
 
 /// One source, read.
 #[derive(Debug, Clone)]
@@ -33,48 +39,61 @@ pub struct Source {
     pub quantum_m: f64,
     /// What it holds.
     pub map: SemanticMap,
+    /// How well its points are known; empty where nobody said.
+    pub known: PointCovariances,
 }
 
 impl Sources {
-    /// Adds the bytes of a map file; false where it was there already.
-    ///
-    /// # Errors
-    /// What [`SemanticMap::decode`] says.
-    pub fn add(&mut self, bytes: &[u8]) -> Result<bool, common::Error> {
-        SemanticMap::decode(bytes)?;
-        Ok(self.0.insert(bytes.into()))
-    }
-
-    /// Adds a map.
+    /// Adds a map, and what is known of its landmarks in the order in which
+    /// it is decoded; false where it was there already.
     ///
     /// # Errors
     /// As [`SemanticMap::encode`].
-    pub fn add_map(&mut self, map: &SemanticMap, options: &EncodeOptions) -> Result<bool, common::Error> {
-        Ok(self.0.insert(map.encode(options)?.into()))
+    pub fn add_map(
+        &mut self,
+        map: &SemanticMap,
+        evidence: Option<&MapEvidence>,
+        options: &EncodeOptions,
+    ) -> Result<bool, common::Error> {
+        Ok(self.insert(map.encode(options)?.into(), known_bytes(map, evidence)))
+    }
+
+    /// Of a source that was given with several covariances those that come
+    /// last as bytes are kept, and any before none: so the order in which they
+    /// were given does not matter.
+    fn insert(&mut self, bytes: Arc<[u8]>, known: Arc<[u8]>) -> bool {
+        let is_new = !self.0.contains_key(&bytes);
+        let held = self.0.entry(bytes).or_default();
+        if known > *held {
+            *held = known;
+        }
+        is_new
     }
 
     /// Adds the sources of a map file: those that lie beside it, else the map
-    /// itself. Says how many were there already.
+    /// itself with what the report of its build knows of it. Says how many
+    /// were there already.
     ///
     /// # Errors
     /// A file that cannot be read or is no map; sources beside it that are not
-    /// its own.
+    /// its own; a report that is none.
     pub fn add_file(&mut self, path: &Path) -> Result<usize> {
         let bytes = std::fs::read(path).map_err(common::Error::io(path))?;
-        SemanticMap::decode(&bytes).map_err(common::Error::in_file(path))?;
+        let map = SemanticMap::decode(&bytes).map_err(common::Error::in_file(path))?;
         let beside = path_beside(path);
         let sources = match std::fs::read(&beside) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => [bytes.into()].into(),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                let evidence = read_beside(path, &bytes)?.map(|report| report.evidence);
+                let known = known_bytes(&map, evidence.as_ref());
+                [(bytes.into(), known)].into()
+            }
             read => {
                 Self::from_bytes(&read.map_err(common::Error::io(&beside))?, &bytes)
                     .map_err(|reason| Error::BadSources { path: beside, map: path.to_path_buf(), reason })?
                     .0
             }
         };
-        let before = self.0.len();
-        let count = sources.len();
-        self.0.extend(sources);
-        Ok(before + count - self.0.len())
+        Ok(sources.into_iter().map(|(bytes, known)| usize::from(!self.insert(bytes, known))).sum())
     }
 
     /// The maps, in their own order.
@@ -83,12 +102,14 @@ impl Sources {
     /// None that is not a fault of the program: only maps were added.
     pub fn read(&self) -> Result<Vec<Source>> {
         use rayon::prelude::*;
-        let files: Vec<&Arc<[u8]>> = self.0.iter().collect();
+        let files: Vec<(&Arc<[u8]>, &Arc<[u8]>)> = self.0.iter().collect();
         let sources: Result<Vec<Source>, common::Error> = files
             .par_iter()
-            .map(|bytes| {
+            .map(|(bytes, known)| {
                 let quantum_m = layout(bytes)?.quantum_m;
-                Ok(Source { crc32c: checksum(bytes), quantum_m, map: SemanticMap::decode(bytes)? })
+                let map = SemanticMap::decode(bytes)?;
+                let known = known::from_bytes(known, &map).unwrap_or_default();
+                Ok(Source { crc32c: checksum(bytes), quantum_m, map, known })
             })
             .collect();
         Ok(sources?)
@@ -96,13 +117,13 @@ impl Sources {
 
     /// The bytes of the only source, if there is but one.
     pub fn only(&self) -> Option<&[u8]> {
-        self.0.first().filter(|_| self.0.len() == 1).map(|bytes| &bytes[..])
+        self.0.keys().next().filter(|_| self.0.len() == 1).map(|bytes| &bytes[..])
     }
 
     /// The bytes of the file of sources of a merged map: magic, version, length
     /// and checksum of the map; the number of sources, the length and the
-    /// bytes of each (all numbers of four bytes, the lowest first); CRC-32C of
-    /// all before.
+    /// bytes of each and of its covariances (all numbers of four bytes, the
+    /// lowest first); CRC-32C of all before.
     fn to_bytes(&self, map_bytes: &[u8]) -> Vec<u8> {
         let mut bytes = [&MAGIC[..], &[VERSION]].concat();
         // Map files have lengths of four bytes, by their format.
@@ -110,9 +131,9 @@ impl Sources {
         number(&mut bytes, map_bytes.len());
         number(&mut bytes, checksum(map_bytes) as usize);
         number(&mut bytes, self.0.len());
-        for source in &self.0 {
-            number(&mut bytes, source.len());
-            bytes.extend_from_slice(source);
+        for part in self.0.iter().flat_map(|(source, known)| [source, known]) {
+            number(&mut bytes, part.len());
+            bytes.extend_from_slice(part);
         }
         let crc = crc32c::crc32c(&bytes);
         number(&mut bytes, crc as usize);
@@ -142,11 +163,20 @@ impl Sources {
             return Err("it is about another map of that name".into());
         }
         let mut sources = Self::default();
-        for _ in 0..number(&mut rest)? {
+        let count = number(&mut rest)?;
+        let mut part = || -> Result<&[u8], String> {
             let length = number(&mut rest)? as usize;
-            let (source, after) = rest.split_at_checked(length).ok_or_else(cut)?;
-            sources.add(source).map_err(|error| error.to_string())?;
+            let (part, after) = rest.split_at_checked(length).ok_or_else(cut)?;
             rest = after;
+            Ok(part)
+        };
+        for _ in 0..count {
+            let (source, known) = (part()?, part()?);
+            let map = SemanticMap::decode(source).map_err(|error| error.to_string())?;
+            if !known.is_empty() && known::from_bytes(known, &map).is_none() {
+                return Err("it has covariances of other landmarks than its map".into());
+            }
+            sources.insert(source.into(), known.into());
         }
         Ok(sources)
     }
@@ -164,6 +194,13 @@ impl Sources {
     }
 }
 
+/// The covariances of a map's points as bytes; none where the evidence is of
+/// another map.
+fn known_bytes(map: &SemanticMap, evidence: Option<&MapEvidence>) -> Arc<[u8]> {
+    let own = evidence.filter(|evidence| evidence.fits(map));
+    own.map_or_else(Arc::default, |evidence| known::to_bytes(&evidence.covariances()).into())
+}
+
 /// Where the sources of a merged map lie.
 pub fn path_beside(map: &Path) -> PathBuf {
     map.with_extension("sources")
@@ -171,7 +208,10 @@ pub fn path_beside(map: &Path) -> PathBuf {
 
 #[cfg(test)]
 mod tests {
+    use common::map::{Pole, PoleKind, Road, RoadId};
+
     use super::*;
+    use crate::evidence::EvidenceConfig;
 
     fn map(note: &str) -> SemanticMap {
         SemanticMap { frame_note: note.into(), ..SemanticMap::default() }
@@ -180,7 +220,7 @@ mod tests {
     fn two() -> Sources {
         let mut sources = Sources::default();
         for note in ["b", "a"] {
-            assert!(sources.add_map(&map(note), &EncodeOptions::default()).unwrap());
+            assert!(sources.add_map(&map(note), None, &EncodeOptions::default()).unwrap());
         }
         sources
     }
@@ -196,6 +236,27 @@ mod tests {
             assert!(Sources::from_bytes(&flipped, b"merged map").is_err());
             assert!(Sources::from_bytes(&bytes[..at], b"merged map").is_err());
         }
+    }
+
+    #[test]
+    fn what_is_known_of_a_source_stays_with_it_in_whatever_order_it_was_given() {
+        let foot_map = nalgebra::Point3::new(1.0, 1.6, 9.0);
+        let pole = Pole { kind: PoleKind::Trunk, foot_map, top_map: foot_map, road: RoadId(0) };
+        let road = Road { path_map: vec![nalgebra::Point3::origin(), foot_map] };
+        let map = SemanticMap { poles: vec![pole], roads: vec![road], ..map("known") };
+        let evidence = MapEvidence::assumed(&map, &EvidenceConfig::default());
+        let with = |order: [bool; 2]| {
+            let mut sources = Sources::default();
+            for knows in order {
+                sources.add_map(&map, Some(&evidence).filter(|_| knows), &EncodeOptions::default()).unwrap();
+            }
+            sources
+        };
+        assert_eq!(with([true, false]), with([false, true]));
+        let back = Sources::from_bytes(&with([true, false]).to_bytes(b"m"), b"m").unwrap();
+        assert_eq!(back, with([true, true]));
+        assert_eq!(back.read().unwrap()[0].known, evidence.covariances());
+        assert!(with([false, false]).read().unwrap()[0].known.poles.is_empty());
     }
 
     #[test]

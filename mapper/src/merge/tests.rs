@@ -7,6 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::*;
+use crate::evidence::{EvidenceConfig, MapEvidence, PointCovariances, PointEvidence};
 
 /// What stands on the street, before any pass saw it: poles at irregular
 /// places on both sides, two lane lines, four roads of 50 m.
@@ -47,9 +48,15 @@ fn pass(street: &SemanticMap, seed: u64, shift: Vector3<f64>) -> SemanticMap {
 fn sources(maps: &[SemanticMap]) -> Sources {
     let mut sources = Sources::default();
     for map in maps {
-        sources.add_map(map, &EncodeOptions::default()).unwrap();
+        sources.add_map(map, None, &EncodeOptions::default()).unwrap();
     }
     sources
+}
+
+/// Poles that are known to this, metres per axis.
+fn known(map: &SemanticMap, sigma_m: f64) -> MapEvidence {
+    let pole = PointEvidence::new(&(nalgebra::Matrix3::identity() * sigma_m * sigma_m), 50, 5);
+    MapEvidence { poles: vec![pole; map.poles.len()], ..MapEvidence::assumed(map, &EvidenceConfig::default()) }
 }
 
 fn merged(maps: &[SemanticMap]) -> Merged {
@@ -123,6 +130,28 @@ fn what_most_no_longer_see_is_dropped_and_a_tie_is_kept() {
 }
 
 #[test]
+fn what_a_build_knows_of_its_poles_decides_where_they_are() {
+    let truth = street(9);
+    let mut off = truth.clone();
+    // Towards the road and away from it: no shift of the map explains it.
+    for (k, pole) in off.poles.iter_mut().enumerate() {
+        let aside = Vector3::x() * if k % 2 == 0 { 0.2 } else { -0.2 };
+        (pole.foot_map, pole.top_map) = (pole.foot_map + aside, pole.top_map + aside);
+    }
+    let mean_off_m = |sigmas_m: [Option<f64>; 2]| {
+        let mut sources = Sources::default();
+        for (map, sigma_m) in [&truth, &off].into_iter().zip(sigmas_m) {
+            let evidence = sigma_m.map(|sigma_m| known(map, sigma_m));
+            sources.add_map(map, evidence.as_ref(), &EncodeOptions::default()).unwrap();
+        }
+        worst_m(&merge(&sources.read().unwrap(), &MergeConfig::default()).map, &truth, Vector3::zeros())
+    };
+    let (unknown, sure, unsure) =
+        (mean_off_m([None; 2]), mean_off_m([Some(0.01), Some(0.3)]), mean_off_m([Some(0.3), Some(0.01)]));
+    assert!((0.05..0.15).contains(&unknown) && sure < 0.05 && unsure > 0.15, "{unknown} {sure} {unsure}");
+}
+
+#[test]
 fn a_map_that_does_not_fit_is_kept_as_given_and_said() {
     let (here, there) = (pass(&street(4), 1, Vector3::zeros()), pass(&street(99), 2, Vector3::zeros()));
     let Merged { map, report } = merged(&[here.clone(), pass(&street(4), 3, Vector3::zeros()), there.clone()]);
@@ -156,7 +185,7 @@ fn maps_with_nothing_in_them_can_be_merged() {
     }
     roadless.lanes.clear();
     // Landmarks without any road have no file, but the function must not fall.
-    let source = Source { crc32c: 0, quantum_m: 0.01, map: roadless };
+    let source = Source { crc32c: 0, quantum_m: 0.01, map: roadless, known: PointCovariances::default() };
     assert_eq!(merge(&[source.clone(), source], &MergeConfig::default()).map.poles.len(), 24);
     let long: Vec<SemanticMap> = (0..9).map(|i| empty(&format!("a note of some length {i}"))).collect();
     assert!(merged(&long).map.frame_note.ends_with(" and 8 more"));

@@ -41,7 +41,18 @@ impl Street {
     /// Adds the hits on an upright cylinder from every scan within 30 m: even
     /// over the visible width, with 1 cm of range noise.
     pub fn add_cylinder(&mut self, foot: Point3<f64>, top: Point3<f64>, radius_m: f64) {
-        for scan in 0..self.sensors.len() as u16 {
+        self.add_passing_cylinder(foot, top, radius_m, 0..self.sensors.len() as u16);
+    }
+
+    /// The same from some scans only: in the others it is elsewhere.
+    pub fn add_passing_cylinder(
+        &mut self,
+        foot: Point3<f64>,
+        top: Point3<f64>,
+        radius_m: f64,
+        scans: std::ops::Range<u16>,
+    ) {
+        for scan in scans {
             let sensor = self.sensors[usize::from(scan)];
             let view = Vector3::new(foot.x - sensor.x, 0.0, foot.z - sensor.z);
             if view.norm() > 30.0 {
@@ -56,6 +67,17 @@ impl Street {
                 let range = self.noise.random_range(-0.017..0.017);
                 self.add(on_axis + across * (side * radius_m) + ahead * (range - before), scan, 0.3, None);
             }
+        }
+    }
+
+    /// Adds hits of a scan on what is half as far again behind a place, with
+    /// beams that go through it from half a metre above its foot up to `height_m`.
+    pub fn add_behind(&mut self, foot: Point3<f64>, height_m: f64, scan: u16) {
+        let sensor = self.sensors[usize::from(scan)];
+        for k in 0..20 {
+            let up_m = 0.5 + (height_m - 0.5) * f64::from(k) / 19.0;
+            let through = foot - Vector3::new(0.0, up_m, 0.0);
+            self.add(sensor + (through - sensor) * 1.5, scan, 0.3, None);
         }
     }
 

@@ -124,6 +124,13 @@ pub struct PoleConfig {
     /// Largest share of a low post's slices in which something reaches from it
     /// outwards: a post of a fence carries its rails.
     pub largest_attached_share: f64,
+    /// Largest share of the views that look through where a pole stands, of those
+    /// from where every beam would hit it: what most of them look through has moved.
+    pub largest_looked_through: f64,
+    /// Top of hedges and doors, metres above ground: hedges are kept at 2 m, doors
+    /// are 2.0 to 2.1 m high. What stands out before them and ends below, with more
+    /// of the same above it, is a stem or a jamb of theirs.
+    pub hedge_top_m: f64,
     /// Length that a rail of a fence is followed from its post, metres.
     pub rail_m: f64,
     /// Half the width within which it lies, metres: noise.
@@ -231,6 +238,8 @@ impl Default for PoleConfig {
             lowest_top_m: 0.75,
             least_free_hanging_m: 1.1,
             largest_attached_share: 0.5,
+            largest_looked_through: 0.5,
+            hedge_top_m: 2.2,
             rail_m: 0.5,
             rail_half_width_m: 0.08,
             lowest_rail_m: 0.35,

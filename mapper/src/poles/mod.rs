@@ -4,6 +4,7 @@ mod axis;
 mod config;
 mod fences;
 mod fit;
+mod looks;
 mod roofs;
 mod stacks;
 #[cfg(test)]
@@ -22,6 +23,7 @@ use crate::cloud::{Cloud, CloudPoint};
 use crate::lidar::LidarConfig;
 use crate::signs::clusters;
 use fences::in_fences;
+use looks::looked_through;
 use roofs::without_pillars;
 
 /// The poles of a stitched cloud with their kinds.
@@ -39,7 +41,7 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
             .par_iter()
             .filter_map(|stack| {
                 let pole = fit_pole(cloud, cloud.near(&stack.centre), stack, plumb, config, lidar)?;
-                let is_pole = is_pole(&pole, stack, config);
+                let is_pole = is_pole(&pole, stack, config) && !is_of_what_is_behind(&pole, stack, &stacks, config);
                 Some((pole, is_pole))
             })
             .collect()
@@ -63,7 +65,9 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
             kept.push((kind, pole));
         }
     }
-    without_pillars(kept, config)
+    let shares = looked_through(cloud, &kept.iter().map(|(_, pole)| pole).collect::<Vec<_>>(), config, lidar);
+    let standing = kept.into_iter().zip(shares).filter(|(_, share)| *share <= config.largest_looked_through);
+    without_pillars(standing.map(|(pole, _)| pole).collect(), config)
 }
 
 /// Places under small reflectors at the height of those of delineators.
@@ -126,14 +130,30 @@ fn is_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {
         && free_share >= least_share
 }
 
-fn kind_of(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> PoleKind {
+/// Whether what stands out before a hedge or a wall is a part of it: it is low,
+/// and what is behind it goes on above it.
+fn is_of_what_is_behind(pole: &FittedPole, stack: &Stack, stacks: &Stacks, config: &PoleConfig) -> bool {
+    stack.is_before && !is_equipped_post(pole, config) && pole.top_height_m <= config.hedge_top_m && has_crown(pole, stacks, config)
+}
+
+/// Whether it is a slender post with sheeting on it.
+fn is_equipped_post(pole: &FittedPole, config: &PoleConfig) -> bool {
+    pole.reflectance >= config.sheeting_reflectance && pole.radius_m <= config.thickest_short_m
+}
+
+/// Whether something is above the upper end and around it.
+fn has_crown(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> bool {
     let top = pole.top_height_m;
     let above = top..top + 1.5;
-    let crown = stacks.filled_share(&Point2::new(pole.top.x, pole.top.z), above, 1.0);
+    stacks.filled_share(&Point2::new(pole.top.x, pole.top.z), above, 1.0) >= config.crown_share
+}
+
+fn kind_of(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> PoleKind {
+    let top = pole.top_height_m;
     // People beside it and the hedge behind it are no crown of a post with
     // sheeting on it.
-    let is_equipment = pole.reflectance >= config.sheeting_reflectance && pole.radius_m <= config.thickest_short_m;
-    if (crown >= config.crown_share && !is_equipment) || pole.radius_m > config.trunk_radius_m {
+    let is_tree = !is_equipped_post(pole, config) && has_crown(pole, stacks, config);
+    if is_tree || pole.radius_m > config.trunk_radius_m {
         PoleKind::Trunk
     } else if top <= config.delineator_top_m {
         PoleKind::Delineator

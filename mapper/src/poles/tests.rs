@@ -201,3 +201,30 @@ fn a_foot_on_a_footway_is_not_on_the_road_beside_it() {
     assert_eq!(poles.len(), 1);
     assert!((poles[0].1.foot - foot).norm() < 0.03, "{:?}", poles[0].1.foot);
 }
+
+/// Somebody who stood upright beside the road during three scans; whether the
+/// others look through where that was.
+fn passer_by(is_looked_through: bool) -> Street {
+    let mut street = Street::new();
+    let foot = Point3::new(5.0, CAMERA_HEIGHT_M, 28.0);
+    street.add_passing_cylinder(foot, foot - nalgebra::Vector3::new(0.0, 1.95, 0.0), 0.1, 2..5);
+    for scan in (0..2).chain(5..9).filter(|_| is_looked_through) {
+        street.add_behind(foot, 1.9, scan);
+    }
+    street
+}
+
+#[test]
+fn what_other_scans_look_through_has_moved_and_is_no_pole() {
+    assert_eq!(found(passer_by(false)).len(), 1, "nothing says that it moved");
+    assert!(found(passer_by(true)).is_empty());
+}
+
+#[test]
+fn a_pole_that_one_scan_looks_through_stays() {
+    let mut street = Street::new();
+    let foot = Point3::new(5.0, CAMERA_HEIGHT_M, 28.0);
+    street.add_passing_cylinder(foot, foot - nalgebra::Vector3::new(0.0, 1.95, 0.0), 0.1, 0..8);
+    street.add_behind(foot, 1.9, 8);
+    assert_eq!(found(street).len(), 1);
+}

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use nalgebra::{Matrix3, Vector3};
+
 use super::paint::{Paint, PathPoint, between};
 use super::{Chain, LaneConfig};
 
@@ -266,8 +268,9 @@ pub fn runs(bins: &[Bin], config: &LaneConfig) -> Vec<Range<usize>> {
     runs
 }
 
-/// Offset of the line in each bin: the local straight line through the painted
-/// bins around it; the window widens over gaps.
+/// Offset of the line in each bin: the local line through the painted bins
+/// around it; the window widens over gaps. A wide one has room for the bends of
+/// the line and of the path that it is measured from, so it may bend.
 fn smoothed(bins: &[Bin], config: &LaneConfig) -> Vec<Option<f64>> {
     let painted: Vec<(f64, f64)> =
         bins.iter().filter(|b| b.painted && b.bright > 0.0).map(|b| (b.station_m, b.offset_m + b.off_m)).collect();
@@ -275,8 +278,9 @@ fn smoothed(bins: &[Bin], config: &LaneConfig) -> Vec<Option<f64>> {
     // over gaps until it is found.
     let fewest = (config.smooth_m * 1.5 / config.profile_m) as usize;
     let at = |station_m: f64| {
-        let wider = [1.0, 2.0, 4.0, 8.0];
-        wider.iter().find_map(|w| local_line(&painted, station_m, config.smooth_m * w, fewest))
+        let straight = local_line(&painted, station_m, config.smooth_m, fewest);
+        let bent = || [2.0, 4.0, 8.0].iter().find_map(|w| local_bend(&painted, station_m, config.smooth_m * w, fewest));
+        straight.or_else(bent)
     };
     bins.iter().map(|b| at(b.station_m)).collect()
 }
@@ -285,13 +289,53 @@ fn smoothed(bins: &[Bin], config: &LaneConfig) -> Vec<Option<f64>> {
 /// sorted by place, within `half` of it; none where fewer than `fewest` are
 /// near.
 pub fn local_line(samples: &[(f64, f64)], at: f64, half: f64, fewest: usize) -> Option<f64> {
-    let from = samples.partition_point(|s| s.0 < at - half);
-    let to = samples.partition_point(|s| s.0 <= at + half);
-    let near = samples.get(from..to).filter(|near| near.len() >= fewest.max(1))?;
+    let near = within(samples, at, half, fewest)?;
     let n = near.len() as f64;
     let (mt, mv) = near.iter().fold((0.0, 0.0), |s, p| (s.0 + (p.0 - at) / n, s.1 + p.1 / n));
     let (tt, tv) =
         near.iter().map(|p| (p.0 - at - mt, p.1 - mv)).fold((0.0, 0.0), |s, (t, v)| (s.0 + t * t, s.1 + t * v));
     // One squared window of prior on a level line.
     Some(mv - tv / (tt + half * half) * mt)
+}
+
+/// The same of the parabola, by least squares with a unit of prior on its slope
+/// and a fifth on its bend, both over the window.
+fn local_bend(samples: &[(f64, f64)], at: f64, half: f64, fewest: usize) -> Option<f64> {
+    let near = within(samples, at, half, fewest)?;
+    let mut normal = Matrix3::from_diagonal(&Vector3::new(0.0, 1.0, 0.2));
+    let mut right = Vector3::zeros();
+    for (place, value) in near {
+        let t = (place - at) / half;
+        let powers = Vector3::new(1.0, t, t * t);
+        normal += powers * powers.transpose();
+        right += powers * *value;
+    }
+    normal.cholesky().map(|known| known.solve(&right).x)
+}
+
+/// The samples within `half` of `at`, of a list sorted by place; none where
+/// they are fewer than `fewest`.
+fn within(samples: &[(f64, f64)], at: f64, half: f64, fewest: usize) -> Option<&[(f64, f64)]> {
+    let from = samples.partition_point(|s| s.0 < at - half);
+    let to = samples.partition_point(|s| s.0 <= at + half);
+    samples.get(from..to).filter(|near| near.len() >= fewest.max(1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wide_window_follows_a_bend_and_bridges_a_gap() {
+        // Dashes of 3 m every 9 m on a bend of 300 m.
+        let bend = |s: f64| s * s / 600.0;
+        let dashes = (0..400).map(|i| f64::from(i) * 0.25 - 50.0).filter(|s| s.rem_euclid(9.0) < 3.0);
+        let samples: Vec<(f64, f64)> = dashes.map(|s| (s, bend(s))).collect();
+        for at in [-20.0, -4.0, 0.0, 7.0, 16.5] {
+            let error_m = |value: Option<f64>| (value.unwrap() - bend(at)).abs();
+            assert!(error_m(local_bend(&samples, at, 16.0, 24)) < 0.02, "{at}");
+            assert!(error_m(local_line(&samples, at, 16.0, 24)) > 0.05, "{at}");
+        }
+        assert_eq!(local_bend(&samples, 0.0, 16.0, 100), None);
+    }
 }

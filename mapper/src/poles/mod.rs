@@ -133,7 +133,10 @@ fn is_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {
 /// Whether what stands out before a hedge or a wall is a part of it: it is low,
 /// and what is behind it goes on above it.
 fn is_of_what_is_behind(pole: &FittedPole, stack: &Stack, stacks: &Stacks, config: &PoleConfig) -> bool {
-    stack.is_before && !is_equipped_post(pole, config) && pole.top_height_m <= config.hedge_top_m && has_crown(pole, stacks, config)
+    stack.is_before
+        && !is_equipped_post(pole, config)
+        && pole.top_height_m <= config.hedge_top_m
+        && has_crown(pole, stacks, config)
 }
 
 /// Whether it is a slender post with sheeting on it.

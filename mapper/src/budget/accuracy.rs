@@ -64,7 +64,7 @@ pub(super) fn rows(map: &SemanticMap, evidence: &MapEvidence, places: &Places, c
 /// before, less certain by the way between, and what its landmarks tell.
 pub fn predict(map: &SemanticMap, evidence: &MapEvidence, places: &Places, config: &BudgetConfig) -> Accuracy {
     let mut told = vec![Matrix6::zeros(); places.list.len()];
-    for Row { place, row, .. } in rows(map, evidence, places, config).into_iter().flatten() {
+    for Row { place, whitened: row, .. } in rows(map, evidence, places, config).into_iter().flatten() {
         told[place] += row * row.transpose();
     }
     let before = before(config);

@@ -102,7 +102,7 @@ impl<'a> Belief<'a> {
 }
 
 fn told(rows: &[Row]) -> Matrix6<f64> {
-    rows.iter().map(|row| row.row * row.row.transpose()).sum()
+    rows.iter().map(|row| row.whitened * row.whitened.transpose()).sum()
 }
 
 fn bad(information: &Matrix6<f64>, doubt: &Doubt, config: &BudgetConfig) -> f64 {

@@ -20,7 +20,7 @@ pub struct Row {
     pub place: usize,
     /// The row, times the square root of `found`: found in a share of the
     /// images, it gives so much of the information.
-    pub row: Vector6<f64>,
+    pub whitened: Vector6<f64>,
     /// Share of the images in which its landmark is found here.
     pub found: f64,
 }
@@ -28,7 +28,7 @@ pub struct Row {
 impl Row {
     fn new(place: usize, whitened: Vector6<f64>, found: f64) -> Self {
         let found = found.clamp(0.0, 1.0);
-        Self { place, row: whitened * found.sqrt(), found }
+        Self { place, whitened: whitened * found.sqrt(), found }
     }
 }
 
@@ -167,7 +167,7 @@ pub fn of_lane(lane: &LaneLine, evidence: &LineEvidence, places: &Places, config
         let found = config.found.lanes * (in_view_m / config.found.lane_length_m.max(1e-9)).min(1.0).powf(1.5);
         let seen = (rows.len() - start) as f64;
         for row in &mut rows[start..] {
-            *row = Row::new(index, row.row * (2.0 / seen).min(1.0).sqrt(), found);
+            *row = Row::new(index, row.whitened * (2.0 / seen).min(1.0).sqrt(), found);
         }
     }
     rows

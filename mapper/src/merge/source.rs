@@ -102,10 +102,10 @@ impl Sources {
     /// None that is not a fault of the program: only maps were added.
     pub fn read(&self) -> Result<Vec<Source>> {
         use rayon::prelude::*;
-        let files: Vec<(&Arc<[u8]>, &Arc<[u8]>)> = self.0.iter().collect();
+        let files: Vec<_> = self.0.iter().collect();
         let sources: Result<Vec<Source>, common::Error> = files
             .par_iter()
-            .map(|(bytes, known)| {
+            .map(|&(bytes, known)| {
                 let quantum_m = layout(bytes)?.quantum_m;
                 let map = SemanticMap::decode(bytes)?;
                 let known = known::from_bytes(known, &map).unwrap_or_default();

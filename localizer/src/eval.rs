@@ -6,6 +6,10 @@ use serde::Serialize;
 use crate::estimate::Status;
 use crate::output::{Recorded, Timing};
 
+pub mod trust;
+
+use trust::Trust;
+
 /// What the paper reports on 190 frames of KITTI 04.
 pub const PAPER: PaperFigures =
     PaperFigures { rms_position_m: 0.345, share_under_half_metre: 0.90, mean_angle_rad: 0.019 };
@@ -106,6 +110,8 @@ pub struct Report {
     pub ok_degraded_lost: Option<[usize; 3]>,
     /// Frames that are called ok and are off by 0.5 m or more.
     pub ok_but_off: usize,
+    /// What the covariances are worth, where known.
+    pub trust: Option<Trust>,
     /// Time for the probabilities.
     pub maps: Option<StageTime>,
     /// Time for the features from them.
@@ -157,6 +163,7 @@ pub fn score(estimates: &[Recorded], truth: &[Option<Pose>], timing: &[Timing]) 
             .as_ref()
             .map(|all| [Status::Ok, Status::Degraded, Status::Lost].map(|s| all.iter().filter(|t| **t == s).count())),
         ok_but_off: pairs.iter().filter(|(r, e)| r.status == Some(Status::Ok) && e.position_m() >= 0.5).count(),
+        trust: Trust::of(pairs.iter().filter_map(|(r, _)| Some((*r, truth.get(r.frame)?.as_ref()?)))),
         maps: stage(|t| t.maps_ms),
         features: stage(|t| t.features_ms),
         localize: stage(|t| t.localize_ms),
@@ -177,7 +184,7 @@ mod tests {
 
     fn recorded(frame: usize, off: Tangent, status: Status) -> Recorded {
         let map_from_camera = retract(&truth(), &off);
-        Recorded { frame, map_from_camera, status: Some(status), correspondences: Some(10) }
+        Recorded { frame, map_from_camera, status: Some(status), correspondences: Some(10), covariance: None }
     }
 
     #[test]

@@ -9,7 +9,7 @@ use std::path::Path;
 use common::atomic_file;
 use common::geometry::Pose;
 use common::trajectory::{StampedPose, Trajectory};
-use nalgebra::{Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{Matrix6, Quaternion, Translation3, UnitQuaternion};
 
 use crate::estimate::{LandmarkId, Status};
 use crate::run::FrameResult;
@@ -131,6 +131,8 @@ pub struct Recorded {
     pub status: Option<Status>,
     /// Number of correspondences, where the file has them.
     pub correspondences: Option<usize>,
+    /// Covariance in the tangent at the pose, where the file has one.
+    pub covariance: Option<Matrix6<f64>>,
 }
 
 impl From<&FrameResult> for Recorded {
@@ -140,6 +142,7 @@ impl From<&FrameResult> for Recorded {
             map_from_camera: result.estimate.map_from_camera,
             status: Some(result.estimate.status),
             correspondences: Some(result.estimate.correspondences.len()),
+            covariance: Some(result.estimate.covariance),
         }
     }
 }
@@ -178,9 +181,24 @@ pub fn read_estimates(path: &Path) -> Result<Vec<Recorded>> {
                 ),
                 status: Some(status.ok_or_else(|| bad(path, *line, "has an unknown status"))?),
                 correspondences: Some(number(13)? as usize),
+                covariance: Some(covariance(&number)?),
             })
         })
         .collect()
+}
+
+/// The upper triangle that ends a row of `estimates.csv`.
+fn covariance(number: &impl Fn(usize) -> Result<f64>) -> Result<Matrix6<f64>> {
+    let mut column = LEADING.split(',').count() + AXES.len();
+    let mut covariance = Matrix6::zeros();
+    for i in 0..AXES.len() {
+        for j in i..AXES.len() {
+            covariance[(i, j)] = number(column)?;
+            covariance[(j, i)] = covariance[(i, j)];
+            column += 1;
+        }
+    }
+    Ok(covariance)
 }
 
 /// Reads `timing.csv`.
@@ -265,6 +283,7 @@ mod tests {
         assert_eq!(read.iter().map(|r| r.frame).collect::<Vec<_>>(), [2, 5]);
         let off = common::geometry::local(&results[0].estimate.map_from_camera, &read[0].map_from_camera);
         assert!(off.norm() < 1e-4);
+        assert!((read[0].covariance.unwrap() - results[0].estimate.covariance).norm() < 1e-6);
         assert_eq!(read[1].status, Some(Status::Degraded));
         let timing = read_timing(&folder.path().join("timing.csv")).unwrap();
         assert!((timing[1].localize_ms - 0.5).abs() < 1e-9);

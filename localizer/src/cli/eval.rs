@@ -6,6 +6,7 @@ use clap::Args;
 use common::geometry::Pose;
 use common::trajectory::Trajectory;
 
+use crate::eval::trust::{ALERT_LIMIT_M, Trust};
 use crate::eval::{Report, StageTime, score};
 use crate::output::{Recorded, Timing, read_estimates, read_timing};
 use crate::{Error, Result};
@@ -98,6 +99,7 @@ fn read(args: &EvalArgs, frames: usize) -> Result<(Vec<Recorded>, Vec<Timing>)> 
         map_from_camera: stamp.map_from_camera,
         status: None,
         correspondences: None,
+        covariance: None,
     };
     Ok((trajectory.stamps.iter().map(recorded).collect(), Vec::new()))
 }
@@ -137,6 +139,7 @@ fn table(report: &Report) -> String {
         lines.push(format!("{:<24}{ok} ok, {degraded} degraded, {lost} lost", "status"));
         lines.push(beside("ok but off by 0.5 m", report.ok_but_off.to_string(), String::new()));
     }
+    lines.extend(report.trust.iter().flat_map(trust_lines));
     let stages =
         [("probabilities", report.maps), ("features", report.features), ("association and pose", report.localize)];
     for (name, stage) in stages {
@@ -145,4 +148,21 @@ fn table(report: &Report) -> String {
         }
     }
     lines.iter().map(|line| line.trim_end()).chain([""]).collect::<Vec<_>>().join("\n")
+}
+
+/// What the covariances are worth, as lines.
+fn trust_lines(trust: &Trust) -> [String; 2] {
+    let [low, high] = trust.nees_bounds;
+    [
+        format!(
+            "{:<24}{:>10.2}   of ok frames; 6 expected, {low:.2} to {high:.2}; {:.1} % under 12.6",
+            "NEES mean",
+            trust.mean_nees,
+            100.0 * trust.share_within
+        ),
+        format!(
+            "{:<24}{} available, {} misleading, {} hazardous (95 %, alert limit {} m)",
+            "claims", trust.available, trust.misleading, trust.hazardous, ALERT_LIMIT_M
+        ),
+    ]
 }

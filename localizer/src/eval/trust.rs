@@ -1,0 +1,128 @@
+//! Whether the estimates' own word on their error holds: normalised errors and
+//! the table of Stanford (protection level against error).
+//!
+//! The protection level is the radius of the ball that holds the position with
+//! 95 %, by the covariance. Of each frame either the level is under the alert
+//! limit, and the estimate is available, or not. An error above the level is
+//! misleading; an error above the alert limit while the level is below is
+//! hazardous.
+
+use common::geometry::{Pose, local};
+use nalgebra::{Cholesky, Matrix6, SymmetricEigen};
+use serde::Serialize;
+
+use crate::estimate::Status;
+use crate::output::Recorded;
+
+/// Position error that nobody should meet unwarned, metres.
+pub const ALERT_LIMIT_M: f64 = 0.5;
+/// Standard deviations that hold 95 % of a Gaussian in three dimensions.
+const SIGMAS_95: f64 = 2.795;
+/// 95 % of the normalised squared errors of six degrees of freedom lie below.
+const CHI_SQUARE_95: f64 = 12.59;
+
+/// How far the estimates could be trusted.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Trust {
+    /// Frames that are called ok and have a covariance.
+    pub ok: usize,
+    /// Mean of their squared errors normalised by the covariance: 6 where it
+    /// tells the truth, less where it is too careful.
+    pub mean_nees: f64,
+    /// 95 % bounds of that mean, were the errors of the frames independent.
+    pub nees_bounds: [f64; 2],
+    /// Share of them under the 95 % quantile, 12.6.
+    pub share_within: f64,
+    /// Of all frames: called ok, with a protection level under the alert limit.
+    pub available: usize,
+    /// Of these: the error is above the protection level.
+    pub misleading: usize,
+    /// Of these: the error is above the alert limit.
+    pub hazardous: usize,
+}
+
+impl Trust {
+    /// Of estimates with their true poses; none where none has a covariance.
+    pub fn of<'a>(pairs: impl Iterator<Item = (&'a Recorded, &'a Pose)>) -> Option<Self> {
+        let mut trust = Self {
+            ok: 0,
+            mean_nees: 0.0,
+            nees_bounds: [0.0; 2],
+            share_within: 0.0,
+            available: 0,
+            misleading: 0,
+            hazardous: 0,
+        };
+        let mut known = false;
+        for (recorded, truth) in pairs {
+            let Some(covariance) = recorded.covariance else { continue };
+            known = true;
+            let Some(factor) = Cholesky::new(covariance).filter(|_| recorded.status == Some(Status::Ok)) else {
+                continue;
+            };
+            let error = local(&recorded.map_from_camera, truth);
+            let nees = error.dot(&factor.solve(&error));
+            trust.ok += 1;
+            trust.mean_nees += nees;
+            trust.share_within += f64::from(u8::from(nees <= CHI_SQUARE_95));
+            let off_m = error.fixed_rows::<3>(0).norm();
+            let level_m = protection_level_m(&covariance);
+            if level_m <= ALERT_LIMIT_M {
+                trust.available += 1;
+                trust.misleading += usize::from(off_m > level_m);
+                trust.hazardous += usize::from(off_m > ALERT_LIMIT_M);
+            }
+        }
+        let count = trust.ok.max(1) as f64;
+        trust.mean_nees /= count;
+        trust.share_within /= count;
+        // The sum of n squares of six degrees of freedom has 12 n as variance.
+        let reach = 1.96 * (12.0 / count).sqrt();
+        trust.nees_bounds = [(6.0 - reach).max(0.0), 6.0 + reach];
+        known.then_some(trust)
+    }
+}
+
+/// Radius that holds the position with 95 %, metres.
+pub fn protection_level_m(covariance: &Matrix6<f64>) -> f64 {
+    let position = covariance.fixed_view::<3, 3>(0, 0).into_owned();
+    SIGMAS_95 * SymmetricEigen::new(position).eigenvalues.max().max(0.0).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use common::geometry::{Tangent, retract};
+
+    fn recorded(off_m: f64, sigma_m: f64, status: Status) -> Recorded {
+        Recorded {
+            frame: 0,
+            map_from_camera: retract(&Pose::identity(), &Tangent::new(off_m, 0.0, 0.0, 0.0, 0.0, 0.0)),
+            status: Some(status),
+            correspondences: None,
+            covariance: Some(Matrix6::identity() * (sigma_m * sigma_m)),
+        }
+    }
+
+    #[test]
+    fn who_claims_less_than_he_is_off_misleads() {
+        let truth = Pose::identity();
+        let all = [
+            recorded(0.2, 0.1, Status::Ok),
+            recorded(0.4, 0.1, Status::Ok),
+            recorded(0.8, 0.1, Status::Ok),
+            recorded(0.8, 0.1, Status::Degraded),
+            recorded(0.8, 0.5, Status::Ok),
+        ];
+        let trust = Trust::of(all.iter().map(|r| (r, &truth))).unwrap();
+        assert_eq!([trust.ok, trust.available, trust.misleading, trust.hazardous], [4, 3, 2, 1]);
+        assert!((trust.mean_nees - (4.0 + 16.0 + 64.0 + 2.56) / 4.0).abs() < 1e-9);
+        assert!((trust.share_within - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn without_a_covariance_nothing_is_claimed() {
+        let silent = Recorded { covariance: None, ..recorded(0.0, 0.1, Status::Ok) };
+        assert!(Trust::of([(&silent, &Pose::identity())].into_iter()).is_none());
+    }
+}

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::associate::detection::DetectionConfig;
 use crate::associate::paper::PaperConfig;
 use crate::associate::robust::RobustConfig;
+use crate::associate::separation::SeparationConfig;
 use crate::filter::MotionConfig;
 use crate::gps::GpsConfig;
 use crate::local_map::LocalMapConfig;
@@ -31,6 +32,8 @@ pub struct Config {
     pub solver: SolverConfig,
     /// The default association.
     pub robust: RobustConfig,
+    /// What one object does to the pose.
+    pub separation: SeparationConfig,
     /// The paper's association.
     pub paper: PaperConfig,
     /// The search around a rough position.

@@ -26,8 +26,8 @@ pub struct AxisMotion {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MotionConfig {
-    /// Sideways: yaw rate times the lever to the rear axle, mounting angle
-    /// times speed.
+    /// Sideways: yaw rate times the lever to the rear axle (0.6 rad/s times 1
+    /// to 2 m), mounting angle times speed.
     pub right: AxisMotion,
     /// Vertical: bumps of some centimetres at 1 to 2 Hz, mounting pitch times
     /// speed.
@@ -37,7 +37,7 @@ pub struct MotionConfig {
     pub forward: AxisMotion,
     /// Pitching: half a degree at 1 to 2 Hz.
     pub pitch: AxisMotion,
-    /// Turning: a corner is entered within a second at 0.3 to 0.5 rad/s.
+    /// Turning: a corner is entered within half a second at up to 0.6 rad/s.
     pub yaw: AxisMotion,
     /// Rolling: as pitching.
     pub roll: AxisMotion,
@@ -47,11 +47,11 @@ impl Default for MotionConfig {
     fn default() -> Self {
         let axis = |walk, memory_s| AxisMotion { walk, memory_s };
         Self {
-            right: axis(0.4, 1.0),
+            right: axis(0.6, 1.0),
             down: axis(0.4, 1.0),
             forward: axis(1.0, 60.0),
             pitch: axis(0.08, 0.5),
-            yaw: axis(0.3, 3.0),
+            yaw: axis(0.8, 3.0),
             roll: axis(0.08, 0.5),
         }
     }

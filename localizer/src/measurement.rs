@@ -2,6 +2,7 @@
 //! pair, with the standard deviation of each from the feature, the landmark
 //! and the calibration.
 
+use common::map::PoleKind;
 use nalgebra::{Point2, Point3, Vector2};
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +34,9 @@ pub struct NoiseConfig {
     /// Foot of a mapped pole in height, metres: kerbs and grass hide it from
     /// the lidar. A feature may reach no lower than three of these.
     pub foot_sigma_m: f64,
+    /// Ends of low poles in height, metres: the lidar sees the whole of a
+    /// delineator, and the top of a sign post.
+    pub low_end_sigma_m: f64,
     /// Share of poles whose foot (top) is seen where the feature ends uncut.
     pub seen_end: f64,
     /// Least share of the shorter of segment and feature by which the two must
@@ -45,13 +49,14 @@ pub struct NoiseConfig {
 impl Default for NoiseConfig {
     fn default() -> Self {
         Self {
-            pole_sigma_m: 0.10,
-            sign_sigma_m: 0.10,
+            pole_sigma_m: 0.06,
+            sign_sigma_m: 0.05,
             sign_sigma_of_size: 0.10,
             lane_sigma_m: 0.03,
             lane_height_sigma_m: 0.03,
             calibration_sigma_px: 1.0,
             foot_sigma_m: 0.4,
+            low_end_sigma_m: 0.15,
             seen_end: 0.6,
             min_overlap: 0.3,
             max_size_ratio: 3.0,
@@ -103,6 +108,7 @@ pub struct PoleImage {
     pub top_px: Point2<f64>,
     foot_map: Point3<f64>,
     top_map: Point3<f64>,
+    kind: PoleKind,
     /// Depth of the lower end, metres.
     pub foot_depth_m: f64,
     top_depth_m: f64,
@@ -132,6 +138,7 @@ impl PoleImage {
             top_px: view.pixel(&top),
             foot_map,
             top_map,
+            kind: pole.kind,
             foot_depth_m: foot.z,
             top_depth_m: top.z,
         })
@@ -153,9 +160,10 @@ impl PoleImage {
     /// something else that runs along the same line (nats).
     ///
     /// A foot is seen, or hidden: then the feature ends above it. A feature
-    /// that reaches into the ground is none of this pole. The mapped top is
-    /// where the lidar's rays end, so a feature may reach higher; that it ends
-    /// lower happens where the top is hidden. `slack_px` is the standard
+    /// that reaches into the ground is none of this pole. The mapped top of a
+    /// lamp post or trunk is where the lidar's rays end, so a feature may reach
+    /// higher; that it ends lower happens where the top is hidden. Low poles
+    /// end where they are mapped. `slack_px` is the standard
     /// deviation of the pose's shift along the pole, `rows_px` the stretch in
     /// which ends of features lie.
     pub fn ends_support(
@@ -167,21 +175,32 @@ impl PoleImage {
         rows_px: f64,
     ) -> f64 {
         let along = |p: &Point2<f64>| feature.down.dot(&(p - feature.upper_px));
-        let sigma_px = (noise.foot_sigma_m * focal_px / self.foot_depth_m).hypot(slack_px).max(1.0);
-        let gaussian = |off_px: f64| {
+        let in_image = |sigma_m: f64| (sigma_m * focal_px / self.foot_depth_m).hypot(slack_px).max(1.0);
+        let foot_m = if self.kind == PoleKind::Delineator { noise.low_end_sigma_m } else { noise.foot_sigma_m };
+        let gaussian = |off_px: f64, sigma_px: f64| {
             let off = off_px / sigma_px;
             (-0.5 * off * off).exp() / (sigma_px * std::f64::consts::TAU.sqrt()) * rows_px
         };
         let hidden = 1.0 - noise.seen_end;
         let below_px = feature.length_px - along(&self.foot_px);
+        let sigma_px = in_image(foot_m);
         let foot = if feature.lower_is_cut {
             // Cut by something in front: anywhere above the foot.
             if below_px < 2.0 * sigma_px { 1.0 } else { UNLIKELY }
         } else {
-            noise.seen_end * gaussian(below_px) + if below_px < 0.0 { hidden } else { UNLIKELY }
+            noise.seen_end * gaussian(below_px, sigma_px) + if below_px < 0.0 { hidden } else { UNLIKELY }
         };
         let short_px = -along(&self.top_px);
-        let top = if feature.upper_is_cut || short_px < 2.0 * sigma_px { 1.0 } else { hidden };
+        let top = if feature.upper_is_cut {
+            1.0
+        } else if matches!(self.kind, PoleKind::Delineator | PoleKind::SignPost) {
+            noise.seen_end * gaussian(short_px, in_image(noise.low_end_sigma_m))
+                + if short_px > 0.0 { hidden } else { UNLIKELY }
+        } else if short_px < 2.0 * in_image(noise.foot_sigma_m) {
+            1.0
+        } else {
+            hidden
+        };
         foot.ln() + top.ln()
     }
 

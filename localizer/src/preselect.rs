@@ -27,11 +27,21 @@ pub struct PreselectConfig {
     pub lane_far_m: f64,
     /// Use tree trunks, which only some networks report as poles.
     pub use_trunks: bool,
+    /// Lines of sight are looked at where the position is known to this,
+    /// metres; beyond it none is called blocked.
+    pub sight_reach_m: f64,
 }
 
 impl Default for PreselectConfig {
     fn default() -> Self {
-        Self { min_relative_size: 0.017, max_distance_m: 100.0, lane_near_m: 5.0, lane_far_m: 30.0, use_trunks: false }
+        Self {
+            min_relative_size: 0.017,
+            max_distance_m: 100.0,
+            lane_near_m: 5.0,
+            lane_far_m: 30.0,
+            use_trunks: false,
+            sight_reach_m: 15.0,
+        }
     }
 }
 
@@ -46,6 +56,8 @@ pub struct PoleCandidate {
     pub foot_map: Point3<f64>,
     /// Upper control point, map frame, metres.
     pub top_map: Point3<f64>,
+    /// How far the line of sight leaves the roads, metres; see [`Lookup::sight_m`].
+    pub sight_m: f64,
 }
 
 /// A sign that may be seen.
@@ -59,6 +71,8 @@ pub struct SignCandidate {
     pub centroid_map: Point3<f64>,
     /// Its size, metres.
     pub size_m: f64,
+    /// How far the line of sight leaves the roads, metres; see [`Lookup::sight_m`].
+    pub sight_m: f64,
 }
 
 /// The part of a lane line that may be seen.
@@ -106,6 +120,9 @@ impl Reach {
     }
 }
 
+/// Where a line of sight is looked at, shares of its length.
+const SIGHT_SHARES: [f64; 4] = [0.2, 0.4, 0.6, 0.8];
+
 /// What preselection looks up.
 #[derive(Debug)]
 pub struct Lookup<'a> {
@@ -141,7 +158,27 @@ impl Lookup<'_> {
                 self.cut_lane(index, lane, &view, reach, out);
             }
         }
+        if reach.position_m <= self.config.sight_reach_m {
+            for pole in &mut out.poles {
+                pole.sight_m = self.sight_m(&out.roads, &position, &pole.foot_map);
+            }
+            for sign in &mut out.signs {
+                sign.sight_m = self.sight_m(&out.roads, &position, &sign.centroid_map);
+            }
+        }
         Ok(())
+    }
+
+    /// How far the straight line from `from` to `to` comes from all `roads`,
+    /// metres. Roads are open; what lies between two of them may be houses,
+    /// which the map does not have.
+    fn sight_m(&self, roads: &[RoadKey], from: &Point3<f64>, to: &Point3<f64>) -> f64 {
+        SIGHT_SHARES.iter().fold(0.0, |most, &share| {
+            let place = from + (to - from) * share;
+            let nearest = self.map.nearest_path(roads, &place);
+            let off = nearest.map(|nearest| place - nearest.point_map);
+            off.map_or(most, |off| off.x.hypot(off.z).max(most))
+        })
     }
 
     fn select_poles(&self, road: RoadKey, view: &View, reach: &Reach, out: &mut Candidates) {
@@ -161,6 +198,7 @@ impl Lookup<'_> {
                     kind: pole.kind,
                     foot_map: pole.foot_map,
                     top_map: pole.top_map,
+                    sight_m: 0.0,
                 });
             }
         }
@@ -175,6 +213,7 @@ impl Lookup<'_> {
                     kind: sign.kind,
                     centroid_map: sign.centroid_map,
                     size_m: sign.size_m,
+                    sight_m: 0.0,
                 });
             }
         }

@@ -7,6 +7,9 @@
 //! from the survey's path in the map, on which a camera mounted like the
 //! survey's stands.
 
+mod cells;
+mod field;
+
 use std::f64::consts::FRAC_PI_2;
 
 use common::geometry::{Pose, PoseParameters, local};
@@ -15,8 +18,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::associate::matching::Scene;
 use crate::associate::robust::{Associator, Refined, RobustConfig};
+use crate::filter::State;
 use crate::local_map::{LocalMap, PathPlace, RoadKey};
 use crate::solver::{Prior, SolverConfig};
+use cells::{Cell, Cells};
+use field::Field;
 
 /// Settings of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -29,8 +35,24 @@ pub struct StartConfig {
     pub step_rad: f64,
     /// The grid reaches this many standard deviations to each side.
     pub reach_sigmas: f64,
-    /// Most cells; a larger region is searched with longer steps.
+    /// Most cells; a larger region is searched with longer steps. A cell costs
+    /// about 2 microseconds.
     pub max_cells: usize,
+    /// The best cells that are matched in full, 20 times as costly.
+    pub matched_cells: usize,
+    /// Up to this horizontal standard deviation (m) a grid around the rough
+    /// position is searched, above it the roads around it: a GPS fix may lie
+    /// beside the road, a vehicle that was lost for a while does not.
+    pub grid_sigma_m: f64,
+    /// The search along roads reaches this far to each side of the survey's
+    /// path, metres: two lanes.
+    pub road_half_width_m: f64,
+    /// Standard deviation of a vehicle's heading against the road's, radians,
+    /// where the images say nothing.
+    pub road_heading_sigma_rad: f64,
+    /// The search along roads reaches this far to each side of the survey's
+    /// heading, radians: a change of lanes.
+    pub road_turn_rad: f64,
     /// Cells that are refined.
     pub refined: usize,
     /// Hypotheses that are kept.
@@ -41,6 +63,9 @@ pub struct StartConfig {
     /// Standard deviation of that height, metres: another load, another rig of
     /// the same kind, the lane beside.
     pub height_sigma_m: f64,
+    /// Frames over which the height is off by the same: about what the filter
+    /// remembers. So many together say it once.
+    pub height_frames: f64,
     /// Standard deviation of pitch and roll against the survey's path,
     /// radians: mounting, braking, the road's crossfall.
     pub tilt_sigma_rad: f64,
@@ -57,11 +82,17 @@ impl Default for StartConfig {
             step_m: 0.75,
             step_rad: 0.035,
             reach_sigmas: 2.5,
-            max_cells: 40_000,
+            max_cells: 20_000,
+            matched_cells: 400,
+            grid_sigma_m: 4.0,
+            road_half_width_m: 6.0,
+            road_heading_sigma_rad: 0.35,
+            road_turn_rad: 0.14,
             refined: 60,
             kept: 24,
             height_above_path_m: 0.0,
             height_sigma_m: 0.15,
+            height_frames: 8.0,
             tilt_sigma_rad: 0.026,
             path_heading_sigma_rad: 0.3,
             path_reach_m: 30.0,
@@ -131,21 +162,29 @@ impl Rough {
     }
 }
 
-/// Symmetric offsets `-n step ..= n step` that reach `reach`.
-fn offsets(reach: f64, step: f64) -> impl Iterator<Item = f64> + Clone {
-    let count = (reach / step).ceil() as i64;
-    (-count..=count).map(move |i| i as f64 * step)
-}
-
 /// Buffers of the search.
 #[derive(Debug, Clone, Default)]
 pub struct Search {
-    cells: Vec<(f64, Pose)>,
+    cells: Cells,
+    field: Field,
 }
 
 impl Search {
-    /// The best poses around a rough one, best first, no two alike. Its scene
-    /// must hold the candidates for the whole region.
+    /// Looks around a rough pose: at a grid where it is known to some metres,
+    /// else along the roads.
+    pub fn lay_out(&mut self, rough: &Rough, map: &LocalMap, roads: &[RoadKey], config: &StartConfig) {
+        let sigma_m = rough.sigmas[0].max(rough.sigmas[2]);
+        self.cells.all.clear();
+        if sigma_m > config.grid_sigma_m {
+            self.cells.roads(rough, map, roads, config);
+        }
+        if self.cells.all.is_empty() {
+            self.cells.grid(rough, config);
+        }
+    }
+
+    /// The best poses of those laid out around a rough one, best first, no two
+    /// alike. The scene must hold the candidates for the whole region.
     pub fn run(
         &mut self,
         scene: &Scene<'_>,
@@ -155,28 +194,44 @@ impl Search {
         robust: &RobustConfig,
         solver: &SolverConfig,
     ) -> Vec<Refined> {
-        let (step_m, step_rad) = self.score_cells(scene, rough, associator, config);
-        let Some(prior) = Prior::new(rough.map_from_camera, &rough.covariance()) else { return Vec::new() };
-        // A cell is known to its own width; the rest as well as the prior is.
-        let mut cell_sigmas = rough.sigmas;
-        for i in [0, 2] {
-            cell_sigmas[i] = cell_sigmas[i].min(0.6 * step_m);
+        let sigmas = self.cells.sigmas(rough);
+        self.score(scene, &sigmas, associator, config);
+        let (step_m, step_rad) = (self.cells.step_m, self.cells.step_rad);
+        let covariance = rough.covariance();
+        let Some(prior) = Prior::new(rough.map_from_camera, &covariance) else { return Vec::new() };
+        // Twice as wide as for the score: neighbours are not refined.
+        let mut gate_sigmas = sigmas;
+        for i in [0, 2, 4] {
+            gate_sigmas[i] = (2.0 * sigmas[i]).min(rough.sigmas[i]);
         }
-        cell_sigmas[4] = cell_sigmas[4].min(0.6 * step_rad);
-        let gate = Matrix6::from_diagonal(&cell_sigmas.component_mul(&cell_sigmas));
+        let gate_of = |sigmas: &Vector6<f64>| Matrix6::from_diagonal(&sigmas.component_mul(sigmas));
+        let gate = gate_of(&gate_sigmas);
         let mut found: Vec<Refined> = Vec::new();
         let mut tried: Vec<Pose> = Vec::new();
-        for (_, cell) in &self.cells {
+        for cell in &self.cells.all {
             if tried.len() >= config.refined {
                 break;
             }
             // Neighbours of a better cell lead to the same minimum.
-            if tried.iter().any(|pose| is_alike(pose, cell, 1.1 * step_m, 1.1 * step_rad)) {
+            if tried.iter().any(|pose| is_alike(pose, &cell.pose, 1.1 * step_m, 1.1 * step_rad)) {
                 continue;
             }
-            tried.push(*cell);
-            let Some(refined) = associator.refine(scene, cell, &gate, &prior, robust, solver) else { continue };
-            found.push(refined);
+            tried.push(cell.pose);
+            if !self.cells.are_on_roads {
+                found.extend(associator.refine(scene, &cell.pose, &gate, &prior, robust, solver));
+                continue;
+            }
+            // The rough pose's axes say nothing round the next corner: the
+            // prior is the cell with its share of what the rough pose allows.
+            let near = gate_of(&(gate_sigmas * 2.0));
+            let refined = Prior::new(cell.pose, &near)
+                .and_then(|prior| associator.refine(scene, &cell.pose, &gate, &prior, robust, solver));
+            let share_ln = 0.5 * (near.determinant().ln() - covariance.determinant().ln());
+            found.extend(refined.map(|refined| Refined {
+                prior_cost: refined.prior_cost - cell.prior,
+                occam: refined.occam + share_ln.min(0.0),
+                ..refined
+            }));
         }
         found.sort_by(|a, b| b.evidence().total_cmp(&a.evidence()));
         let mut distinct: Vec<Refined> = Vec::new();
@@ -191,55 +246,39 @@ impl Search {
         distinct
     }
 
-    /// Scores all cells, best first; returns the steps that were used.
-    fn score_cells(
-        &mut self,
-        scene: &Scene<'_>,
-        rough: &Rough,
-        associator: &mut Associator,
-        config: &StartConfig,
-    ) -> (f64, f64) {
-        let reach = rough.sigmas * config.reach_sigmas;
-        let (mut step_m, mut step_rad) = (config.step_m, config.step_rad);
-        let count = |step_m: f64, step_rad: f64| {
-            offsets(reach[0], step_m).count() * offsets(reach[2], step_m).count() * offsets(reach[4], step_rad).count()
-        };
-        while count(step_m, step_rad) > config.max_cells.max(1) && step_m < 100.0 {
-            step_m *= 1.2;
-            step_rad *= 1.2;
-        }
-        let variance = |width: f64, sigma: f64| (width * width / 12.0).min(sigma * sigma);
-        let covariance = Matrix6::from_diagonal(&Vector6::new(
-            variance(step_m, rough.sigmas[0]),
-            rough.sigmas[1].powi(2),
-            variance(step_m, rough.sigmas[2]),
-            rough.sigmas[3].powi(2),
-            variance(step_rad, rough.sigmas[4]),
-            rough.sigmas[5].powi(2),
-        ));
-        self.cells.clear();
-        let centre = PoseParameters::from_pose(&rough.map_from_camera);
-        let (sin, cos) = centre.yaw_rad.sin_cos();
-        for right_m in offsets(reach[0], step_m) {
-            for forward_m in offsets(reach[2], step_m) {
-                for turn_rad in offsets(reach[4], step_rad) {
-                    let pose = PoseParameters {
-                        x_m: centre.x_m + cos * right_m + sin * forward_m,
-                        z_m: centre.z_m - sin * right_m + cos * forward_m,
-                        yaw_rad: centre.yaw_rad + turn_rad,
-                        ..centre
-                    }
-                    .to_pose();
-                    let off = Vector6::new(right_m, 0.0, forward_m, 0.0, turn_rad, 0.0).component_div(&rough.sigmas);
-                    let support = associator.matcher.run(scene, &pose, &covariance);
-                    self.cells.push((support - 0.5 * off.norm_squared(), pose));
-                }
+    /// Scores the cells, best first: all by the cheap score, the best of them
+    /// by the full matching; only these are left.
+    fn score(&mut self, scene: &Scene<'_>, sigmas: &Vector6<f64>, associator: &mut Associator, config: &StartConfig) {
+        let cells = &mut self.cells.all;
+        // Stable, so that ties keep the order of the cells.
+        let sort = |cells: &mut Vec<Cell>| cells.sort_by(|a, b| b.score.total_cmp(&a.score));
+        if cells.len() > config.matched_cells {
+            self.field.fill(scene);
+            for cell in cells.iter_mut() {
+                cell.score = cell.prior + self.field.score(scene, &cell.pose, sigmas);
             }
+            sort(cells);
+            cells.truncate(config.matched_cells);
         }
-        // Stable, so that ties keep the grid's order.
-        self.cells.sort_by(|a, b| b.0.total_cmp(&a.0));
-        (step_m, step_rad)
+        let covariance = Matrix6::from_diagonal(&sigmas.component_mul(sigmas));
+        for cell in cells.iter_mut() {
+            cell.score = cell.prior + associator.matcher.run(scene, &cell.pose, &covariance);
+        }
+        sort(cells);
     }
+}
+
+/// Takes in that vehicles stay on roads and head along them, either way, where
+/// the state itself knows less.
+pub fn keep_on_road(state: &mut State, place: &PathPlace, config: &StartConfig) {
+    let own = PoseParameters::from_pose(&state.map_from_camera);
+    let forward = place.forward_map;
+    // Modulo a half turn: sin / cos of the difference, whichever way it points.
+    let (sin, cos) = (forward.x.atan2(forward.z) - own.yaw_rad).sin_cos();
+    state.constrain(4, (sin * cos.signum()).atan2(cos.abs()), config.road_heading_sigma_rad);
+    let pose = &state.map_from_camera;
+    let off = pose.rotation.inverse() * (place.point_map.coords - pose.translation.vector);
+    state.constrain(0, off.x, config.road_half_width_m);
 }
 
 /// Whether two poses lie within these distances.
@@ -320,8 +359,11 @@ mod tests {
                 noise: &noise,
                 detection: &detection,
             };
+            let (map, roads) = everywhere(&world);
             let run = |scene: &Scene<'_>| {
-                Search::default().run(
+                let mut search = Search::default();
+                search.lay_out(&rough, &map, &roads, &StartConfig::default());
+                search.run(
                     scene,
                     &rough,
                     &mut Associator::default(),

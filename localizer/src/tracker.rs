@@ -15,7 +15,7 @@ pub use hypothesis::BankConfig;
 pub use rivals::RivalConfig;
 
 use common::geometry::{PinholeCamera, Pose, Tangent, local};
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{Matrix6, Point3, Vector6};
 
 use crate::Result;
 use crate::associate::matching::Scene;
@@ -29,7 +29,7 @@ use crate::local_map::LocalMap;
 use crate::prepare::Prepared;
 use crate::preselect::{Candidates, Lookup, Reach};
 use crate::projection::ImageSize;
-use crate::start::{Rough, Search};
+use crate::start::{Rough, Search, keep_on_road};
 use hypothesis::Hypothesis;
 
 /// What one frame brings.
@@ -163,6 +163,11 @@ impl<'a> Tracker<'a> {
     fn follow_region(&mut self, dt_s: f64, gps: Option<&GpsFix>) -> Result<()> {
         if let Some(region) = &mut self.region {
             *region = region.predicted(dt_s, &self.config.motion);
+            let position = Point3::from(region.map_from_camera.translation.vector);
+            let place = self.map.nearest_path(&self.candidates.roads, &position);
+            if let Some(place) = place {
+                keep_on_road(region, &place, &self.config.start);
+            }
         }
         let Some(fix) = gps else { return Ok(()) };
         let rough = self.rough_from(fix)?;
@@ -206,6 +211,7 @@ impl<'a> Tracker<'a> {
             angle_rad: self.config.start.reach_sigmas * rough.sigmas[4],
         };
         self.select(&rough.map_from_camera, &reach)?;
+        self.search.lay_out(&rough, self.map, &self.candidates.roads, &self.config.start);
         let scene = Scene {
             camera: &self.camera,
             image: self.image,
@@ -281,6 +287,10 @@ impl<'a> Tracker<'a> {
             detection: &self.config.detection,
         };
         let found = rivals::find(&scene, &best, &mut self.associator, &self.config);
+        let loose = rivals::find_loose(&scene, &best, &mut self.associator, &self.config);
+        if let Some(loose) = loose.filter(|loose| loose.evidence() > best.evidence - self.config.rivals.spawn_margin) {
+            self.add(Hypothesis::beside(&best, &loose, self.config.rivals.loose_cost));
+        }
         let mut margin = f64::INFINITY;
         for rival in found {
             let ahead = best.evidence - rival.evidence();

@@ -33,8 +33,19 @@ pub struct DetectionConfig {
     pub solid_lane: f64,
     /// As above for dashed lane lines.
     pub dashed_lane: f64,
-    /// Distance over which detection falls to 37 %, metres.
+    /// Distance at which detection of high poles and of signs has fallen to
+    /// 37 %, metres. It falls as a Gaussian: what is large in the image is
+    /// found, what is small soon is not.
     pub range_m: f64,
+    /// As above for what is low: delineators and sign posts.
+    pub low_range_m: f64,
+    /// A line of sight no further from the roads than this is open, metres:
+    /// houses stand behind the pavement.
+    pub open_m: f64,
+    /// Beyond that, distance over which the chance to see falls to 37 %, metres.
+    pub fade_m: f64,
+    /// Share of a frame's features that are taken as false.
+    pub clutter_share: f64,
     /// Spread of the directions of false poles, radians: masts lean little,
     /// branches more.
     pub pole_spread_rad: f64,
@@ -46,15 +57,19 @@ pub struct DetectionConfig {
 impl Default for DetectionConfig {
     fn default() -> Self {
         Self {
-            lamp_post: 0.6,
-            sign_post: 0.5,
-            delineator: 0.3,
+            lamp_post: 0.85,
+            sign_post: 0.75,
+            delineator: 0.7,
             trunk: 0.2,
-            traffic_sign: 0.5,
-            traffic_light: 0.5,
+            traffic_sign: 0.8,
+            traffic_light: 0.7,
             solid_lane: 0.7,
-            dashed_lane: 0.5,
-            range_m: 60.0,
+            dashed_lane: 0.7,
+            range_m: 50.0,
+            low_range_m: 32.0,
+            open_m: 8.0,
+            fade_m: 10.0,
+            clutter_share: 0.6,
             pole_spread_rad: 0.15,
             lane_spread_of_width: 0.1,
         }
@@ -62,28 +77,31 @@ impl Default for DetectionConfig {
 }
 
 impl DetectionConfig {
-    fn at(&self, near: f64, depth_m: f64) -> f64 {
-        (near * (-depth_m / self.range_m).exp()).clamp(0.01, 0.99)
+    fn at(&self, near: f64, range_m: f64, depth_m: f64, sight_m: f64) -> f64 {
+        let blocked = (sight_m - self.open_m).max(0.0) / self.fade_m;
+        let far = depth_m / range_m;
+        (near * (-far * far - blocked).exp()).clamp(0.01, 0.99)
     }
 
-    /// Probability to find a pole at this depth (m).
-    pub fn pole(&self, kind: PoleKind, depth_m: f64) -> f64 {
-        let near = match kind {
-            PoleKind::LampPost => self.lamp_post,
-            PoleKind::SignPost => self.sign_post,
-            PoleKind::Delineator => self.delineator,
-            PoleKind::Trunk => self.trunk,
+    /// Probability to find a pole at this depth (m), the line of sight to
+    /// which leaves the roads by `sight_m`.
+    pub fn pole(&self, kind: PoleKind, depth_m: f64, sight_m: f64) -> f64 {
+        let (near, range_m) = match kind {
+            PoleKind::LampPost => (self.lamp_post, self.range_m),
+            PoleKind::SignPost => (self.sign_post, self.low_range_m),
+            PoleKind::Delineator => (self.delineator, self.low_range_m),
+            PoleKind::Trunk => (self.trunk, self.range_m),
         };
-        self.at(near, depth_m)
+        self.at(near, range_m, depth_m, sight_m)
     }
 
-    /// Probability to find a sign at this depth (m).
-    pub fn sign(&self, kind: SignKind, depth_m: f64) -> f64 {
+    /// Probability to find a sign; arguments as for [`Self::pole`].
+    pub fn sign(&self, kind: SignKind, depth_m: f64, sight_m: f64) -> f64 {
         let near = match kind {
             SignKind::TrafficSign => self.traffic_sign,
             SignKind::TrafficLight => self.traffic_light,
         };
-        self.at(near, depth_m)
+        self.at(near, self.range_m, depth_m, sight_m)
     }
 
     /// Probability to find a lane line in the range in which it is used.
@@ -96,10 +114,9 @@ impl DetectionConfig {
     }
 
     /// Densities of false features in the space of two residuals (per px^2).
-    /// Every feature counts as possibly false: the more the image is full of,
-    /// the less one match says.
+    /// The more the image is full of, the less one match says.
     pub fn clutter(&self, features: &Prepared, image: ImageSize) -> Clutter {
-        let count = |n: usize| n.max(1) as f64;
+        let count = |n: usize| (n as f64 * self.clutter_share).max(1.0);
         Clutter {
             // Along a pole the second residual spreads with its length.
             pole_per_px: count(features.poles.len()) / image.width_px,

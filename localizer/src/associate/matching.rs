@@ -153,7 +153,7 @@ impl Matcher {
         let focal_px = scene.camera.fx_px;
         for (candidate, pole) in scene.candidates.poles.iter().enumerate() {
             let Some(image) = PoleImage::new(view, pole) else { continue };
-            let probability = scene.detection.pole(pole.kind, image.foot_depth_m);
+            let probability = scene.detection.pole(pole.kind, image.foot_depth_m, pole.sight_m);
             let sigma = pixel_sigma(view, &image.middle_map(), covariance);
             let slack_px = 3.0 * sigma.y;
             let noise_px =
@@ -202,7 +202,7 @@ impl Matcher {
                     && columns.contains(&image.foot_px.x)
                     && columns.contains(&image.top_px.x)
             });
-            expected.map_or(0.0, |image| (1.0 - scene.detection.pole(pole.kind, image.foot_depth_m)).ln())
+            expected.map_or(0.0, |image| (1.0 - scene.detection.pole(pole.kind, image.foot_depth_m, pole.sight_m)).ln())
         })
     }
 
@@ -265,8 +265,8 @@ impl Matcher {
                 if distance2 > GATE {
                     continue;
                 }
-                let support =
-                    scene.detection.sign(sign.kind, depth_m).ln() + log_density - clutter.signs_per_px2().ln();
+                let support = scene.detection.sign(sign.kind, depth_m, sign.sight_m).ln() + log_density
+                    - clutter.signs_per_px2().ln();
                 self.pairs.push(Pair {
                     feature: i,
                     candidate,
@@ -284,7 +284,7 @@ impl Matcher {
         self.settle(scene.features.signs.len(), scene.candidates.signs.len(), |candidate| {
             let sign = &scene.candidates.signs[candidate];
             let seen = view.project(&sign.centroid_map).filter(|(p, _)| scene.image.contains(p, -EDGE_PX));
-            seen.map_or(0.0, |(_, depth_m)| (1.0 - scene.detection.sign(sign.kind, depth_m)).ln())
+            seen.map_or(0.0, |(_, depth_m)| (1.0 - scene.detection.sign(sign.kind, depth_m, sign.sight_m)).ln())
         })
     }
 

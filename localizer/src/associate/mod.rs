@@ -4,3 +4,4 @@ pub mod detection;
 pub mod matching;
 pub mod paper;
 pub mod robust;
+pub mod separation;

@@ -22,7 +22,7 @@ fn view() -> View {
 fn pole(right_m: f64, ahead_m: f64, height_m: f64) -> PoleCandidate {
     let foot_map = pose() * Point3::new(right_m, 1.6, ahead_m);
     let top_map = pose() * Point3::new(right_m + 0.05, 1.6 - height_m, ahead_m);
-    PoleCandidate { index: 0, kind: PoleKind::LampPost, foot_map, top_map }
+    PoleCandidate { index: 0, kind: PoleKind::LampPost, foot_map, top_map, sight_m: 0.0 }
 }
 
 fn line(upper_px: Point2<f64>, lower_px: Point2<f64>) -> LineFeature {
@@ -180,6 +180,7 @@ fn signs_must_agree_in_kind_and_size() {
         kind: SignKind::TrafficSign,
         centroid_map: pose() * Point3::new(3.0, -1.0, 20.0),
         size_m: 0.7,
+        sight_m: 0.0,
     };
     let expected_px = 0.7 * FOCAL_PX / 20.0;
     let feature = |kind, extent_px: f64| PointFeature {

@@ -23,9 +23,18 @@ pub struct HealthConfig {
     /// Evidence by which it must lead over every other that is tracked, nats:
     /// 3 is 95 %. A pose that was jumped to must make up for its handicap, too.
     pub ok_lead: f64,
-    /// Mean squared whitened residual up to which the matches agree.
+    /// Mean squared whitened residual up to which the matches agree: what it is
+    /// where the standard deviations are right.
     pub max_mean_square: f64,
-    /// Frames in a row without support after which it is lost.
+    /// By how much leaving out one object, or most of the prediction, may move
+    /// an ok pose, metres: what hangs on one thing is not verified. Half of the
+    /// 0.5 m that nobody should be off by unwarned.
+    pub max_separation_m: f64,
+    /// A frame holds a pose if what was matched is worth at least this, nats,
+    /// whatever was not seen: with a house before half of the landmarks the
+    /// rest still holds.
+    pub min_worth: f64,
+    /// Frames in a row that do not hold it after which it is lost.
     pub lost_after_frames: usize,
     /// Least standard deviation of the region searched then, metres.
     pub search_sigma_m: f64,
@@ -43,10 +52,12 @@ impl Default for HealthConfig {
             lost_sigma_m: 1.0,
             verify_frames: 5,
             ok_lead: 3.0,
-            max_mean_square: 2.0,
+            max_mean_square: 1.0,
+            max_separation_m: 0.25,
+            min_worth: 6.0,
             lost_after_frames: 8,
             search_sigma_m: 1.5,
-            max_search_sigma_m: 6.0,
+            max_search_sigma_m: 30.0,
             search_sigma_rad: 0.03,
         }
     }
@@ -65,6 +76,7 @@ pub fn judge(best: &Hypothesis, lead: f64, margin: f64, was_lost: bool, health: 
         && sigma_m <= health.ok_sigma_m
         && best.support >= health.min_support
         && best.mean_square <= health.max_mean_square
+        && best.separation_m <= health.max_separation_m
         && lead >= health.ok_lead + best.handicap
         && margin >= 0.0;
     if ok { Status::Ok } else { Status::Degraded }

@@ -6,13 +6,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::associate::matching::Scene;
 use crate::associate::robust::{Associator, Refined};
+use crate::associate::separation::separation_m;
 use crate::config::Config;
 use crate::estimate::Correspondence;
 use crate::filter::State;
 use crate::gps::GpsFix;
 use crate::local_map::{LocalMap, RoadKey};
+use crate::projection::View;
 use crate::solver::Prior;
-use crate::start::{StartConfig, is_alike};
+use crate::start::{StartConfig, is_alike, keep_on_road};
 
 /// Settings of the set of hypotheses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -50,6 +52,11 @@ pub struct BankConfig {
     /// Evidence of a GPS fix against a pose is bounded by this, nats: some
     /// fixes are metres off.
     pub max_surprise: f64,
+    /// A pose costs nothing up to this distance from the survey's path, metres:
+    /// two lanes and a pavement.
+    pub road_m: f64,
+    /// Beyond, the standard deviation of what a vehicle keeps, metres.
+    pub off_road_sigma_m: f64,
     /// Hypotheses nearer than this are the same, metres.
     pub alike_m: f64,
     /// Hypotheses turned by less than this are the same, radians.
@@ -80,6 +87,8 @@ impl Default for BankConfig {
             jump_cost: 15.0,
             max_innovation: 11.2,
             max_surprise: 8.0,
+            road_m: 9.0,
+            off_road_sigma_m: 2.0,
             alike_m: 0.4,
             alike_rad: 0.015,
             alike_m_s: 2.0,
@@ -111,7 +120,7 @@ pub struct Hypothesis {
     pub handicap: f64,
     /// Frames that it was tracked for.
     pub age_frames: usize,
-    /// Frames in a row whose support was below the least.
+    /// Frames in a row whose matches did not hold it.
     pub weak_frames: usize,
     /// The speed is not known yet.
     pub speed_is_unknown: bool,
@@ -121,6 +130,10 @@ pub struct Hypothesis {
     pub evidence: f64,
     /// Mean squared whitened residual of the last frame.
     pub mean_square: f64,
+    /// By how much the pose moves if one object is left out, metres.
+    pub separation_m: f64,
+    /// How far it is from the nearest road, metres.
+    pub off_road_m: f64,
     /// Root mean square distance of its matches, pixels.
     pub rms_px: f64,
     /// Solver iterations in the last frame.
@@ -166,6 +179,8 @@ impl Hypothesis {
             support: 0.0,
             evidence: 0.0,
             mean_square: 0.0,
+            separation_m: 0.0,
+            off_road_m: 0.0,
             rms_px: 0.0,
             iterations: 0,
             converged: false,
@@ -252,7 +267,9 @@ impl Hypothesis {
         let position = Point3::from(self.state.map_from_camera.translation.vector);
         let Some(place) = map.nearest_path(roads, &position) else { return };
         let off = position - place.point_map;
-        if off.x.hypot(off.z) > start.path_reach_m {
+        self.off_road_m = off.x.hypot(off.z);
+        keep_on_road(&mut self.state, &place, start);
+        if self.off_road_m > start.path_reach_m {
             return;
         }
         let own = PoseParameters::from_pose(&self.state.map_from_camera);
@@ -260,7 +277,9 @@ impl Hypothesis {
         let agreement = (own.yaw_rad - forward.x.atan2(forward.z)).cos();
         let pitch_rad = (-forward.y).clamp(-1.0, 1.0).asin() * agreement;
         let height_m = place.point_map.y - start.height_above_path_m;
-        self.state.constrain(1, height_m - own.y_m, start.height_sigma_m);
+        // What the height is off by stays the same from frame to frame.
+        let height_sigma_m = start.height_sigma_m * start.height_frames.sqrt();
+        self.state.measure(1, height_m - own.y_m, height_sigma_m);
         self.state.constrain(3, pitch_rad - own.pitch_rad, start.tilt_sigma_rad);
         self.state.constrain(5, -own.roll_rad, start.tilt_sigma_rad);
     }
@@ -281,9 +300,12 @@ impl Hypothesis {
         let predicted = self.state.map_from_camera;
         let prior = Prior::new(predicted, &covariance)?;
         let refined = associator.refine(scene, &predicted, &covariance, &prior, &config.robust, &config.solver)?;
-        let gps_surprise = |pose| gps.map_or(0.0, |fix| fix.surprise(pose)).min(config.bank.max_surprise);
+        let beyond = (self.off_road_m - config.bank.road_m).max(0.0) / config.bank.off_road_sigma_m;
+        let off_road = (0.5 * beyond * beyond).min(config.bank.max_surprise);
+        let gps_surprise = |pose| gps.map_or(0.0, |fix| fix.surprise(pose)).min(config.bank.max_surprise) + off_road;
         if refined.gain < 0.0 || refined.prior_cost > config.bank.max_innovation {
             self.mean_square = 0.0;
+            self.separation_m = 0.0;
             self.rms_px = 0.0;
             self.iterations = refined.iterations;
             self.converged = refined.converged;
@@ -295,7 +317,16 @@ impl Hypothesis {
         }
         self.take(&refined, refined.prior_cost + gps_surprise(&refined.map_from_camera));
         self.state.update(&refined.map_from_camera, &refined.covariance);
-        self.weak_frames = if refined.support < config.health.min_support { self.weak_frames + 1 } else { 0 };
+        let held = associator.matcher.worth() >= config.health.min_worth;
+        self.weak_frames = if held { 0 } else { self.weak_frames + 1 };
+        self.separation_m = separation_m(
+            &associator.matcher.matches,
+            &View::new(scene.camera, &refined.map_from_camera),
+            &refined.map_from_camera,
+            &prior,
+            &config.separation,
+            &config.solver,
+        );
         self.correspondences = associator.correspondences(scene, &refined.map_from_camera, &config.solver);
         None
     }

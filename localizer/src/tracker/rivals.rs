@@ -27,6 +27,18 @@ pub struct RivalConfig {
     /// Distance at which a turn is weighed as a shift, metres: where most
     /// landmarks are.
     pub lever_m: f64,
+    /// The frame is also asked without most of the prediction: standard
+    /// deviation of the position then, metres. A drift that feeds on itself
+    /// through the prediction shows here.
+    pub loose_m: f64,
+    /// As above for turns, radians.
+    pub loose_rad: f64,
+    /// A pose found like that which lies nearer than this is the same, metres;
+    /// turns count by how they shift what is [`Self::lever_m`] ahead.
+    pub loose_distinct_m: f64,
+    /// What it pays to be tracked beside, nats: less than a jump, which lies
+    /// anywhere.
+    pub loose_cost: f64,
     /// The best of the shifted poses that are refined.
     pub refined: usize,
     /// A rival that has less support than the best by no more than this is
@@ -44,6 +56,10 @@ impl Default for RivalConfig {
             along_m: vec![-6.0, -3.0, -1.5, 1.5, 3.0, 6.0],
             uncertain_m: vec![-1.0, 1.0],
             lever_m: 20.0,
+            loose_m: 0.6,
+            loose_rad: 0.05,
+            loose_distinct_m: 0.25,
+            loose_cost: 4.0,
             refined: 2,
             spawn_margin: 6.0,
             distinct_m: 0.7,
@@ -103,4 +119,26 @@ pub fn find(scene: &Scene<'_>, best: &Hypothesis, associator: &mut Associator, c
         }
     }
     found
+}
+
+/// The pose that the frame alone asks for near `best`; none where it is the
+/// same.
+pub fn find_loose(
+    scene: &Scene<'_>,
+    best: &Hypothesis,
+    associator: &mut Associator,
+    config: &Config,
+) -> Option<Refined> {
+    let rivals = &config.rivals;
+    let pose = best.state.map_from_camera;
+    let (m, rad) = (rivals.loose_m, rivals.loose_rad);
+    // Height and tilt stay as the road has them.
+    let start = &config.start;
+    let sigmas = Vector6::new(m, start.height_sigma_m, m, start.tilt_sigma_rad, rad, start.tilt_sigma_rad);
+    let covariance = Matrix6::from_diagonal(&sigmas.component_mul(&sigmas));
+    let prior = Prior::new(pose, &covariance)?;
+    let refined = associator.refine(scene, &pose, &covariance, &prior, &config.robust, &config.solver)?;
+    let off = local(&pose, &refined.map_from_camera);
+    let turned_m = off.fixed_rows::<3>(3).norm() * rivals.lever_m;
+    (off.fixed_rows::<3>(0).norm().max(turned_m) >= rivals.loose_distinct_m).then_some(refined)
 }

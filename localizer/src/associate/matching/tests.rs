@@ -102,6 +102,7 @@ fn a_landmark_that_should_be_seen_and_is_not_costs() {
         kind: PoleKind::LampPost,
         foot_map: Point3::new(right_m, 1.6, 15.0),
         top_map: Point3::new(right_m, -3.0, 15.0),
+        sight_m: 0.0,
     };
     owned.candidates.poles.push(pole(4.0));
     let missing = matcher.run(&owned.scene(), &at, &covariance(0.1, 0.003));

@@ -1,0 +1,163 @@
+//! Solution separation: by how much the pose moves when one object is left
+//! out (as receivers of satellite navigation monitor their integrity, e.g.
+//! Blanch et al., "Advanced RAIM user algorithm description", 2012).
+//!
+//! A wrong match that decides where the pose lies agrees with itself: its
+//! residual is small. It shows when the others are asked without it.
+
+use common::geometry::{Pose, local};
+use nalgebra::{Cholesky, Matrix6, Point3, Vector6};
+use serde::{Deserialize, Serialize};
+
+use super::matching::Match;
+use crate::estimate::LandmarkId;
+use crate::projection::View;
+use crate::solver::{Prior, SolverConfig};
+
+/// Settings of the separation.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SeparationConfig {
+    /// Share of the prediction's information that is used: the frames before
+    /// saw the same wrong match. 0.03 takes it as six times as uncertain.
+    pub prior_share: f64,
+    /// Poles and signs that stand nearer together are one object and are left
+    /// out together, metres: a sign and its post err together.
+    pub object_m: f64,
+}
+
+impl Default for SeparationConfig {
+    fn default() -> Self {
+        Self { prior_share: 0.03, object_m: 1.0 }
+    }
+}
+
+/// What one match says about the pose: normal matrix and gradient.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    at_map: Option<Point3<f64>>,
+    information: Matrix6<f64>,
+    gradient: Vector6<f64>,
+}
+
+impl Part {
+    fn new(found: &Match, view: &View, solver: &SolverConfig) -> Self {
+        let observations = found.pairing.observations();
+        let (mut information, mut gradient, mut square) = (Matrix6::zeros(), Vector6::zeros(), 0.0);
+        for observation in observations {
+            let Some((distance_px, row)) = observation.linearise(view) else { continue };
+            let weight = 1.0 / (observation.sigma_px * observation.sigma_px);
+            square += weight * distance_px * distance_px;
+            gradient += row * (weight * distance_px);
+            information += row * row.transpose() * weight;
+        }
+        let weight = solver.weight(square / observations.len().max(1) as f64);
+        let at_map = match found.landmark {
+            LandmarkId::Lane(_) => None,
+            LandmarkId::Pole(_) | LandmarkId::Sign(_) => observations.first().map(|o| o.point_map),
+        };
+        Self { at_map, information: information * weight, gradient: gradient * weight }
+    }
+
+    fn is_same_object(&self, other: &Self, object_m: f64) -> bool {
+        let places = self.at_map.zip(other.at_map);
+        places.is_some_and(|(a, b)| (a.x - b.x).hypot(a.z - b.z) < object_m)
+    }
+}
+
+/// By how much the pose (solved with `matches` and `prior`) moves at most,
+/// horizontally in metres, when one object is left out, or none but most of
+/// the prior. Infinite where nothing fixes the pose then.
+pub fn separation_m(
+    matches: &[Match],
+    view: &View,
+    pose: &Pose,
+    prior: &Prior,
+    config: &SeparationConfig,
+    solver: &SolverConfig,
+) -> f64 {
+    let parts: Vec<Part> = matches.iter().map(|found| Part::new(found, view, solver)).collect();
+    let error = local(&prior.map_from_camera, pose);
+    let mut information = prior.information * config.prior_share;
+    let mut gradient = information * error;
+    for part in &parts {
+        information += part.information;
+        gradient += part.gradient;
+    }
+    let step = |information: Matrix6<f64>, gradient: Vector6<f64>| {
+        Cholesky::new(information).map(|factor| -factor.solve(&gradient))
+    };
+    let Some(all) = step(information, gradient) else { return f64::INFINITY };
+    let mut most_m = all[0].hypot(all[2]);
+    for part in &parts {
+        let (mut information, mut gradient) = (information, gradient);
+        for other in
+            parts.iter().filter(|other| std::ptr::eq(*other, part) || part.is_same_object(other, config.object_m))
+        {
+            information -= other.information;
+            gradient -= other.gradient;
+        }
+        let Some(without) = step(information, gradient) else { return f64::INFINITY };
+        most_m = most_m.max(without[0].hypot(without[2]));
+    }
+    most_m
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::associate::detection::DetectionConfig;
+    use crate::associate::matching::{Matcher, Scene};
+    use crate::local_map::LocalMap;
+    use crate::measurement::NoiseConfig;
+    use crate::prepare::Prepared;
+    use crate::preselect::{Candidates, Lookup, PreselectConfig, Reach};
+    use crate::testing::{IMAGE, Recipe, World};
+
+    /// The separation at the true pose, with the longest pole seen aside.
+    fn separated(aside_px: f64) -> f64 {
+        let world = World::new(Recipe { missed: 0.0, ..Recipe::default() });
+        let pose = world.truth[60];
+        let mut seen = world.features(60);
+        if let Some(longest) = seen.poles.iter_mut().max_by(|a, b| a.length_px().total_cmp(&b.length_px())) {
+            longest.upper_px.x += aside_px;
+            longest.lower_px.x += aside_px;
+        }
+        let mut features = Prepared::default();
+        features.fill(&seen);
+        let (mut map, preselect) = (LocalMap::whole(world.map.clone()), PreselectConfig::default());
+        let mut candidates = Candidates::default();
+        let lookup = Lookup { map: &mut map, camera: &world.camera, image: IMAGE, config: &preselect };
+        lookup.select(&pose, &Reach { position_m: 1.0, angle_rad: 0.05 }, &mut candidates).unwrap();
+        let scene = Scene {
+            camera: &world.camera,
+            image: IMAGE,
+            features: &features,
+            candidates: &candidates,
+            noise: &NoiseConfig::default(),
+            detection: &DetectionConfig::default(),
+        };
+        let sigmas = Vector6::new(0.05, 0.05, 0.05, 0.003, 0.003, 0.003);
+        let covariance = Matrix6::from_diagonal(&sigmas.component_mul(&sigmas));
+        let mut matcher = Matcher::default();
+        matcher.run(&scene, &pose, &covariance);
+        let prior = Prior::new(pose, &covariance).unwrap();
+        let view = View::new(&world.camera, &pose);
+        separation_m(&matcher.matches, &view, &pose, &prior, &SeparationConfig::default(), &SolverConfig::default())
+    }
+
+    #[test]
+    fn one_match_that_pulls_separates() {
+        let (agreeing_m, pulled_m) = (separated(0.0), separated(6.0));
+        assert!(agreeing_m < 0.25 && pulled_m > agreeing_m, "{agreeing_m} m, {pulled_m} m");
+    }
+
+    #[test]
+    fn without_matches_the_prior_stays() {
+        let pose = Pose::identity();
+        let prior = Prior::new(pose, &Matrix6::identity()).unwrap();
+        let view = View::new(&crate::projection::tests::camera(), &pose);
+        let config = SeparationConfig::default();
+        assert!(separation_m(&[], &view, &pose, &prior, &config, &SolverConfig::default()) < 1e-9);
+    }
+}

@@ -1,0 +1,235 @@
+//! A cheap score for the many cells of a search: how well columns and rows of
+//! poles, signs and lane lines fit at a pose. No gates of a covariance, no
+//! pairs of ends: it only says which cells are worth the full matching.
+
+use common::geometry::Pose;
+use nalgebra::{Point2, Vector3, Vector6};
+
+use crate::associate::matching::Scene;
+use crate::prepare::PreparedLane;
+use crate::projection::View;
+
+/// Depths at which lane lines are compared, metres: near enough to tell lanes
+/// apart, far enough to be in the image.
+const LANE_DEPTHS_M: [f64; 3] = [8.0, 13.0, 20.0];
+/// Nothing nearer is compared, metres: there a cell is wider than the image.
+const NEAREST_M: f64 = 2.0;
+/// What network and optics bend a lane line by, pixels.
+const LANE_SIGMA_PX: f64 = 5.0;
+
+/// A pole feature, as far as the score needs it.
+#[derive(Debug, Clone, Copy)]
+struct Mark {
+    column_px: f64,
+    top_px: f64,
+    bottom_px: f64,
+    sigma_px: f64,
+}
+
+/// Standard deviations of a cell.
+#[derive(Debug, Clone, Copy)]
+struct Cell {
+    position_m: f64,
+    yaw_rad: f64,
+    height_m: f64,
+    tilt_rad: f64,
+}
+
+impl Cell {
+    fn new(sigmas: &Vector6<f64>) -> Self {
+        Self {
+            position_m: sigmas[0].max(sigmas[2]),
+            yaw_rad: sigmas[4],
+            height_m: sigmas[1],
+            tilt_rad: sigmas[3].max(sigmas[5]),
+        }
+    }
+
+    /// Of the column and the row of a point in camera axes, pixels.
+    fn pixels(&self, p: &Vector3<f64>, focal_px: f64) -> (f64, f64) {
+        let slant = (p.x / p.z).hypot(1.0);
+        let column = (self.position_m * slant / p.z).hypot(self.yaw_rad * slant * slant);
+        (focal_px * column, focal_px * (self.height_m / p.z).hypot(self.tilt_rad * slant))
+    }
+}
+
+/// What a frame shows, and buffers of the score.
+#[derive(Debug, Clone, Default)]
+pub struct Field {
+    poles: Vec<Mark>,
+    gains: Vec<f64>,
+}
+
+impl Field {
+    /// Takes in what a frame shows.
+    pub fn fill(&mut self, scene: &Scene<'_>) {
+        self.poles.clear();
+        self.poles.extend(scene.features.poles.iter().map(|pole| Mark {
+            column_px: pole.upper_px.x + 0.5 * pole.length_px * pole.down.x,
+            top_px: pole.upper_px.y,
+            bottom_px: pole.upper_px.y + pole.length_px * pole.down.y,
+            sigma_px: pole.offset_sigma_px + pole.angle_sigma_rad * pole.length_px,
+        }));
+    }
+
+    /// The score of a cell with these standard deviations (camera tangent),
+    /// nats: as the support of a frame, but each feature taken by the landmark
+    /// that fits it best.
+    pub fn score(&mut self, scene: &Scene<'_>, pose: &Pose, sigmas: &Vector6<f64>) -> f64 {
+        let (view, cell) = (View::new(scene.camera, pose), Cell::new(sigmas));
+        self.score_poles(scene, &view, &cell)
+            + self.score_signs(scene, &view, &cell)
+            + self.score_lanes(scene, &view, &cell)
+    }
+
+    /// Begins a count over `features`.
+    fn begin(&mut self, features: usize) {
+        self.gains.clear();
+        self.gains.resize(features, 0.0);
+    }
+
+    fn total(&self) -> f64 {
+        self.gains.iter().sum()
+    }
+
+    fn score_poles(&mut self, scene: &Scene<'_>, view: &View, cell: &Cell) -> f64 {
+        self.begin(self.poles.len());
+        let focal_px = scene.camera.fx_px;
+        let clutter_ln = (self.poles.len().max(1) as f64 / scene.image.width_px).ln();
+        let mut unseen = 0.0;
+        for pole in &scene.candidates.poles {
+            let (foot, top) = (view.to_camera(&pole.foot_map), view.to_camera(&pole.top_map));
+            if foot.z.min(top.z) < NEAREST_M {
+                continue;
+            }
+            let (low, high) = (view.pixel(&foot), view.pixel(&top));
+            let (column_px, row_px) = cell.pixels(&foot, focal_px);
+            let found = scene.detection.pole(pole.kind, foot.z, pole.sight_m);
+            if is_inside(&low, scene) && high.y < scene.image.height_px {
+                unseen += (1.0 - found).ln();
+            }
+            let own_px = (scene.noise.pole_sigma_m * focal_px / foot.z).hypot(scene.noise.calibration_sigma_px);
+            let least = (found / (1.0 - found)).ln() - clutter_ln;
+            let deepest_px = low.y + 2.0 * row_px + scene.noise.foot_sigma_m * focal_px / foot.z;
+            for (mark, gain) in self.poles.iter().zip(&mut self.gains) {
+                let sigma_px = column_px.hypot(own_px).hypot(mark.sigma_px);
+                let off_px = low.x - mark.column_px;
+                let overlaps = mark.top_px < low.y + row_px && mark.bottom_px > high.y - row_px;
+                if off_px.abs() < 3.0 * sigma_px && overlaps && mark.bottom_px < deepest_px {
+                    *gain = gain.max(least + log_normal(off_px, sigma_px));
+                }
+            }
+        }
+        unseen + self.total()
+    }
+
+    fn score_signs(&mut self, scene: &Scene<'_>, view: &View, cell: &Cell) -> f64 {
+        self.begin(scene.features.signs.len());
+        let focal_px = scene.camera.fx_px;
+        let area_px2 = scene.image.width_px * scene.image.height_px;
+        let clutter_ln = (scene.features.signs.len().max(1) as f64 / area_px2).ln();
+        let mut unseen = 0.0;
+        for sign in &scene.candidates.signs {
+            let p = view.to_camera(&sign.centroid_map);
+            if p.z < NEAREST_M {
+                continue;
+            }
+            let (at, found) = (view.pixel(&p), scene.detection.sign(sign.kind, p.z, sign.sight_m));
+            let (column_px, row_px) = cell.pixels(&p, focal_px);
+            if scene.image.contains(&at, 0.0) {
+                unseen += (1.0 - found).ln();
+            }
+            let own_px = scene.noise.sign_sigma_m.hypot(scene.noise.sign_sigma_of_size * sign.size_m) * focal_px / p.z;
+            let least = (found / (1.0 - found)).ln() - clutter_ln;
+            let expected_px = (sign.size_m * focal_px / p.z).max(1.0);
+            for ((_, feature), gain) in scene.features.signs.iter().zip(&mut self.gains) {
+                let ratio = feature.extent_px.norm() / expected_px;
+                let most = scene.noise.max_size_ratio;
+                let own_px = own_px.hypot(feature.sigma_px);
+                let (across_px, along_px) = (own_px.hypot(column_px), own_px.hypot(row_px));
+                let off_px = at - feature.centre_px;
+                let near = off_px.x.abs() < 3.0 * across_px && off_px.y.abs() < 3.0 * along_px;
+                if near && feature.kind == sign.kind && (1.0 / most..=most).contains(&ratio) {
+                    let density = log_normal(off_px.x, across_px) + log_normal(off_px.y, along_px);
+                    *gain = gain.max(least + density);
+                }
+            }
+        }
+        unseen + self.total()
+    }
+
+    fn score_lanes(&mut self, scene: &Scene<'_>, view: &View, cell: &Cell) -> f64 {
+        self.begin(scene.features.lanes.len());
+        let focal_px = scene.camera.fx_px;
+        let clutter_ln = (scene.features.lanes.len().max(1) as f64 / scene.image.width_px).ln();
+        let mut unseen = 0.0;
+        for lane in &scene.candidates.lanes {
+            let points = scene.candidates.lane_points_map.get(lane.start..lane.end).unwrap_or(&[]);
+            let mut places = [None; LANE_DEPTHS_M.len()];
+            let mut last: Option<Vector3<f64>> = None;
+            for point in points {
+                let p = view.to_camera(point);
+                if let Some(q) = last {
+                    for (place, depth_m) in places.iter_mut().zip(LANE_DEPTHS_M) {
+                        if (q.z - depth_m) * (p.z - depth_m) <= 0.0 && (p.z - q.z).abs() > 1e-6 {
+                            *place = Some(q + (p - q) * ((depth_m - q.z) / (p.z - q.z)));
+                        }
+                    }
+                }
+                last = Some(p);
+            }
+            let found = scene.detection.lane(lane.kind);
+            let places = places.iter().flatten().map(|p| (view.pixel(p), cell.pixels(p, focal_px)));
+            let mut places = places.filter(|(at, _)| scene.image.contains(at, 0.0)).peekable();
+            if places.peek().is_none() {
+                continue;
+            }
+            unseen += (1.0 - found).ln();
+            let least = (found / (1.0 - found)).ln() - clutter_ln;
+            // The places are not independent: the one that fits worst counts.
+            self.lane_gains(scene, places, least);
+        }
+        unseen + self.total()
+    }
+
+    fn lane_gains(
+        &mut self,
+        scene: &Scene<'_>,
+        places: impl Iterator<Item = (Point2<f64>, (f64, f64))> + Clone,
+        least: f64,
+    ) {
+        for (feature, gain) in scene.features.lanes.iter().zip(&mut self.gains) {
+            let worst = places.clone().filter_map(|(at, (column_px, row_px))| {
+                let (column, slope) = column_at(feature, at.y)?;
+                let sigma_px = column_px.hypot(slope * row_px).hypot(LANE_SIGMA_PX);
+                let off_px = at.x - column;
+                let density = log_normal(off_px, sigma_px);
+                Some(if off_px.abs() < 3.0 * sigma_px { density } else { f64::NEG_INFINITY })
+            });
+            if let Some(density) = worst.reduce(f64::min) {
+                *gain = gain.max(least + density);
+            }
+        }
+    }
+}
+
+fn is_inside(p: &Point2<f64>, scene: &Scene<'_>) -> bool {
+    p.x > 0.0 && p.x < scene.image.width_px
+}
+
+fn log_normal(off: f64, sigma: f64) -> f64 {
+    let share = off / sigma;
+    -0.5 * share * share - (sigma * std::f64::consts::TAU.sqrt()).ln()
+}
+
+/// Column of a lane feature at a row, and columns per row there; none beyond
+/// its ends.
+fn column_at(feature: &PreparedLane, row_px: f64) -> Option<(f64, f64)> {
+    feature.knots().windows(2).find_map(|ends| {
+        let (a, b) = (ends[0].at_px, ends[1].at_px);
+        let rows = b.y - a.y;
+        let inside = rows.abs() > 1e-6 && (row_px - a.y) * (row_px - b.y) <= 0.0;
+        let slope = (b.x - a.x) / rows;
+        inside.then(|| (a.x + slope * (row_px - a.y), slope.abs()))
+    })
+}

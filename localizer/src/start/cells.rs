@@ -89,13 +89,14 @@ impl Cells {
                 if off_m > reach_m {
                     continue;
                 }
-                for heading_rad in [along_rad, along_rad + std::f64::consts::PI] {
+                // Either way; what is uphill one way is downhill the other.
+                let ways = [(along_rad, pitch_rad), (along_rad + std::f64::consts::PI, -pitch_rad)];
+                for (heading_rad, pitch_rad) in ways {
                     let turned = wrapped(heading_rad - yaw_rad) / heading_sigma_rad;
                     if turned.abs() > config.reach_sigmas {
                         continue;
                     }
                     let prior = -0.5 * ((off_m / sigma_m).powi(2) + turned * turned);
-                    let pitch_rad = if heading_rad == along_rad { pitch_rad } else { -pitch_rad };
                     let (sin, cos) = heading_rad.sin_cos();
                     for right_m in offsets(width_m, self.step_m) {
                         for turn_rad in offsets(turn_rad, self.step_rad) {

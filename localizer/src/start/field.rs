@@ -23,7 +23,7 @@ struct Mark {
     column_px: f64,
     top_px: f64,
     bottom_px: f64,
-    sigma_px: f64,
+    variance_px2: f64,
 }
 
 /// Standard deviations of a cell.
@@ -68,7 +68,7 @@ impl Field {
             column_px: pole.upper_px.x + 0.5 * pole.length_px * pole.down.x,
             top_px: pole.upper_px.y,
             bottom_px: pole.upper_px.y + pole.length_px * pole.down.y,
-            sigma_px: pole.offset_sigma_px + pole.angle_sigma_rad * pole.length_px,
+            variance_px2: (pole.offset_sigma_px + pole.angle_sigma_rad * pole.length_px).powi(2),
         }));
     }
 
@@ -112,7 +112,7 @@ impl Field {
             let least = (found / (1.0 - found)).ln() - clutter_ln;
             let deepest_px = low.y + 2.0 * row_px + scene.noise.foot_sigma_m * focal_px / foot.z;
             for (mark, gain) in self.poles.iter().zip(&mut self.gains) {
-                let sigma_px = column_px.hypot(own_px).hypot(mark.sigma_px);
+                let sigma_px = (column_px * column_px + own_px * own_px + mark.variance_px2).sqrt();
                 let off_px = low.x - mark.column_px;
                 let overlaps = mark.top_px < low.y + row_px && mark.bottom_px > high.y - row_px;
                 if off_px.abs() < 3.0 * sigma_px && overlaps && mark.bottom_px < deepest_px {
@@ -187,7 +187,7 @@ impl Field {
             unseen += (1.0 - found).ln();
             let least = (found / (1.0 - found)).ln() - clutter_ln;
             // The places are not independent: the one that fits worst counts.
-            self.lane_gains(scene, places, least);
+            self.lane_gains(scene, &places, least);
         }
         unseen + self.total()
     }
@@ -195,7 +195,7 @@ impl Field {
     fn lane_gains(
         &mut self,
         scene: &Scene<'_>,
-        places: impl Iterator<Item = (Point2<f64>, (f64, f64))> + Clone,
+        places: &(impl Iterator<Item = (Point2<f64>, (f64, f64))> + Clone),
         least: f64,
     ) {
         for (feature, gain) in scene.features.lanes.iter().zip(&mut self.gains) {

@@ -132,9 +132,12 @@ pub fn find_loose(
     let rivals = &config.rivals;
     let pose = best.state.map_from_camera;
     let (m, rad) = (rivals.loose_m, rivals.loose_rad);
-    // Height and tilt stay as the road has them.
+    // Height and tilt stay as they were predicted: they do not drift.
+    let predicted = best.state.pose_covariance();
+    let sigma = |component: usize, loose: f64| predicted[(component, component)].max(0.0).sqrt().min(loose);
     let start = &config.start;
-    let sigmas = Vector6::new(m, start.height_sigma_m, m, start.tilt_sigma_rad, rad, start.tilt_sigma_rad);
+    let (height_m, tilt_rad) = (start.height_sigma_m, start.tilt_sigma_rad);
+    let sigmas = Vector6::new(m, sigma(1, height_m), m, sigma(3, tilt_rad), rad, sigma(5, tilt_rad));
     let covariance = Matrix6::from_diagonal(&sigmas.component_mul(&sigmas));
     let prior = Prior::new(pose, &covariance)?;
     let refined = associator.refine(scene, &pose, &covariance, &prior, &config.robust, &config.solver)?;

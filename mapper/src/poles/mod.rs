@@ -65,9 +65,11 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
             kept.push((kind, pole));
         }
     }
+    // Pillars are told by the others of their roof, so all are asked together.
+    let kept = without_pillars(kept, config);
     let shares = looked_through(cloud, &kept.iter().map(|(_, pole)| pole).collect::<Vec<_>>(), config, lidar);
     let standing = kept.into_iter().zip(shares).filter(|(_, share)| *share <= config.largest_looked_through);
-    without_pillars(standing.map(|(pole, _)| pole).collect(), config)
+    standing.map(|(pole, _)| pole).collect()
 }
 
 /// Places under small reflectors at the height of those of delineators.

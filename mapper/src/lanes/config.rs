@@ -75,10 +75,7 @@ pub struct LaneConfig {
     /// Shortest line kept, metres: arrows are shorter, and so are the fords
     /// across side streets.
     pub shortest_m: f64,
-    /// Share of the bins of a line with paint right beside it from which on it
-    /// is the border of a hatched area.
-    pub hatched_share: f64,
-    /// The same from which on dashes, or a line with paint on both sides, are
+    /// Share of the bins of a line with paint right beside it from which on dashes, or a line with paint on both sides, are
     /// part of a crossing or of an area.
     pub largest_striped_share: f64,
     /// The same on both sides, from which on a line beside which something
@@ -86,9 +83,6 @@ pub struct LaneConfig {
     pub ragged_share: f64,
     /// Share of such a line beside which something has to stand for that.
     pub ragged_walled_share: f64,
-    /// Largest angle of a hatched area's border to the path, radians: one that runs
-    /// from one lane line to the next bounds no lane.
-    pub largest_hatched_rad: f64,
     /// Fewest dashes of a dashed line: an arrow or a letter is one blot.
     pub fewest_dashes: usize,
     /// Shortest dash, metres, as it looks: the shortest in use are 1 m, those
@@ -172,11 +166,9 @@ impl Default for LaneConfig {
             fewest_blot_points: 3.0,
             shortest_gap_m: 0.75,
             shortest_m: 12.0,
-            hatched_share: 0.2,
             largest_striped_share: 0.5,
             ragged_share: 0.15,
             ragged_walled_share: 0.1,
-            largest_hatched_rad: 0.025,
             fewest_dashes: 3,
             shortest_dash_m: 0.9,
             shortest_dashed_m: 18.0,

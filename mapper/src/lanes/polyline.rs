@@ -24,7 +24,6 @@ pub fn describe(chain: &Chain, paint: &Paint, cloud: &Cloud, config: &LaneConfig
 }
 
 fn piece(kind: LaneKind, bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> Option<LanePiece> {
-    let (first, last) = (bins.first()?, bins.last()?);
     let painted: Vec<&Bin> = bins.iter().filter(|b| b.painted && b.bright > 0.0).collect();
     let mean = |of: &dyn Fn(&Bin) -> f64| painted.iter().map(|b| of(b)).sum::<f64>() / painted.len().max(1) as f64;
     let spread_m = mean(&|b| b.off_m * b.off_m).sqrt();
@@ -35,10 +34,6 @@ fn piece(kind: LaneKind, bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> Op
     let striped = [striped_share(&painted, 0), striped_share(&painted, 1)];
     let (most, least) = (striped[0].max(striped[1]), striped[0].min(striped[1]));
     if (if kind == LaneKind::Dashed { most } else { least }) > config.largest_striped_share {
-        return None;
-    }
-    let slope = (last.offset_m - first.offset_m) / (last.station_m - first.station_m).max(config.profile_m);
-    if slope.abs() > config.largest_hatched_rad.tan() && most > config.hatched_share {
         return None;
     }
     let is_kerb = || step_m(&painted, config).is_some_and(|step_m| step_m > config.least_kerb_m);

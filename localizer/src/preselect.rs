@@ -56,7 +56,7 @@ pub struct PoleCandidate {
     pub foot_map: Point3<f64>,
     /// Upper control point, map frame, metres.
     pub top_map: Point3<f64>,
-    /// How far the line of sight leaves the roads, metres; see [`Lookup::sight_m`].
+    /// How far the line of sight leaves the roads, metres; see `Lookup::sight_m`.
     pub sight_m: f64,
 }
 
@@ -71,7 +71,7 @@ pub struct SignCandidate {
     pub centroid_map: Point3<f64>,
     /// Its size, metres.
     pub size_m: f64,
-    /// How far the line of sight leaves the roads, metres; see [`Lookup::sight_m`].
+    /// How far the line of sight leaves the roads, metres; see `Lookup::sight_m`.
     pub sight_m: f64,
 }
 

@@ -233,3 +233,42 @@ fn column_at(feature: &PreparedLane, row_px: f64) -> Option<(f64, f64)> {
         inside.then(|| (a.x + slope * (row_px - a.y), slope.abs()))
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use common::geometry::retract;
+
+    use super::*;
+    use crate::associate::detection::DetectionConfig;
+    use crate::local_map::LocalMap;
+    use crate::measurement::NoiseConfig;
+    use crate::prepare::Prepared;
+    use crate::preselect::{Candidates, Lookup, PreselectConfig, Reach};
+    use crate::testing::{IMAGE, Recipe, World};
+
+    #[test]
+    fn the_cell_of_the_true_pose_scores_higher_than_those_lanes_and_delineators_away() {
+        let world = World::new(Recipe::default());
+        let (mut map, preselect) = (LocalMap::whole(world.map.clone()), PreselectConfig::default());
+        let (noise, detection) = (NoiseConfig::default(), DetectionConfig::default());
+        let sigmas = Vector6::new(0.22, 0.15, 0.22, 0.026, 0.01, 0.026);
+        for frame in [60, 100, 150] {
+            let (truth, mut candidates) = (world.truth[frame], Candidates::default());
+            let lookup = Lookup { map: &mut map, camera: &world.camera, image: IMAGE, config: &preselect };
+            lookup.select(&truth, &Reach { position_m: 12.0, angle_rad: 0.4 }, &mut candidates).unwrap();
+            let mut features = Prepared::default();
+            features.fill(&world.features(frame));
+            let (camera, candidates, features) = (&world.camera, &candidates, &features);
+            let scene = Scene { camera, image: IMAGE, features, candidates, noise: &noise, detection: &detection };
+            let mut field = Field::default();
+            field.fill(&scene);
+            let at_truth = field.score(&scene, &truth, &sigmas);
+            for (right_m, forward_m, yaw_rad) in [(3.5, 0.0, 0.0), (-3.5, 0.0, 0.0), (0.0, 6.0, 0.0), (0.0, 0.0, 0.15)]
+            {
+                let off = Vector6::new(right_m, 0.0, forward_m, 0.0, yaw_rad, 0.0);
+                let there = field.score(&scene, &retract(&truth, &off), &sigmas);
+                assert!(there < at_truth, "frame {frame}, {off}: {there} against {at_truth}");
+            }
+        }
+    }
+}

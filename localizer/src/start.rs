@@ -53,6 +53,13 @@ pub struct StartConfig {
     /// The search along roads reaches this far to each side of the survey's
     /// heading, radians: a change of lanes.
     pub road_turn_rad: f64,
+    /// Depths at which cells are asked for lane lines, metres: near enough to
+    /// tell lanes apart, far enough to be in the image.
+    pub lane_depths_m: [f64; 3],
+    /// What network and optics bend a lane line by, pixels.
+    pub lane_sigma_px: f64,
+    /// Nothing nearer is asked for, metres: there a cell is wider than the image.
+    pub nearest_m: f64,
     /// Cells that are refined.
     pub refined: usize,
     /// Hypotheses that are kept.
@@ -88,6 +95,9 @@ impl Default for StartConfig {
             road_half_width_m: 6.0,
             road_heading_sigma_rad: 0.35,
             road_turn_rad: 0.14,
+            lane_depths_m: [8.0, 13.0, 20.0],
+            lane_sigma_px: 5.0,
+            nearest_m: 2.0,
             refined: 60,
             kept: 24,
             height_above_path_m: 0.0,
@@ -255,7 +265,7 @@ impl Search {
         if cells.len() > config.matched_cells {
             self.field.fill(scene);
             for cell in cells.iter_mut() {
-                cell.score = cell.prior + self.field.score(scene, &cell.pose, sigmas);
+                cell.score = cell.prior + self.field.score(scene, &cell.pose, sigmas, config);
             }
             sort(cells);
             cells.truncate(config.matched_cells);

@@ -5,17 +5,10 @@
 use common::geometry::Pose;
 use nalgebra::{Point2, Vector3, Vector6};
 
+use super::StartConfig;
 use crate::associate::matching::Scene;
 use crate::prepare::PreparedLane;
 use crate::projection::View;
-
-/// Depths at which lane lines are compared, metres: near enough to tell lanes
-/// apart, far enough to be in the image.
-const LANE_DEPTHS_M: [f64; 3] = [8.0, 13.0, 20.0];
-/// Nothing nearer is compared, metres: there a cell is wider than the image.
-const NEAREST_M: f64 = 2.0;
-/// What network and optics bend a lane line by, pixels.
-const LANE_SIGMA_PX: f64 = 5.0;
 
 /// A pole feature, as far as the score needs it.
 #[derive(Debug, Clone, Copy)]
@@ -75,11 +68,11 @@ impl Field {
     /// The score of a cell with these standard deviations (camera tangent),
     /// nats: as the support of a frame, but each feature taken by the landmark
     /// that fits it best.
-    pub fn score(&mut self, scene: &Scene<'_>, pose: &Pose, sigmas: &Vector6<f64>) -> f64 {
+    pub fn score(&mut self, scene: &Scene<'_>, pose: &Pose, sigmas: &Vector6<f64>, config: &StartConfig) -> f64 {
         let (view, cell) = (View::new(scene.camera, pose), Cell::new(sigmas));
-        self.score_poles(scene, &view, &cell)
-            + self.score_signs(scene, &view, &cell)
-            + self.score_lanes(scene, &view, &cell)
+        self.score_poles(scene, &view, &cell, config)
+            + self.score_signs(scene, &view, &cell, config)
+            + self.score_lanes(scene, &view, &cell, config)
     }
 
     /// Begins a count over `features`.
@@ -92,14 +85,14 @@ impl Field {
         self.gains.iter().sum()
     }
 
-    fn score_poles(&mut self, scene: &Scene<'_>, view: &View, cell: &Cell) -> f64 {
+    fn score_poles(&mut self, scene: &Scene<'_>, view: &View, cell: &Cell, config: &StartConfig) -> f64 {
         self.begin(self.poles.len());
         let focal_px = scene.camera.fx_px;
         let clutter_ln = (self.poles.len().max(1) as f64 / scene.image.width_px).ln();
         let mut unseen = 0.0;
         for pole in &scene.candidates.poles {
             let (foot, top) = (view.to_camera(&pole.foot_map), view.to_camera(&pole.top_map));
-            if foot.z.min(top.z) < NEAREST_M {
+            if foot.z.min(top.z) < config.nearest_m {
                 continue;
             }
             let (low, high) = (view.pixel(&foot), view.pixel(&top));
@@ -123,7 +116,7 @@ impl Field {
         unseen + self.total()
     }
 
-    fn score_signs(&mut self, scene: &Scene<'_>, view: &View, cell: &Cell) -> f64 {
+    fn score_signs(&mut self, scene: &Scene<'_>, view: &View, cell: &Cell, config: &StartConfig) -> f64 {
         self.begin(scene.features.signs.len());
         let focal_px = scene.camera.fx_px;
         let area_px2 = scene.image.width_px * scene.image.height_px;
@@ -131,7 +124,7 @@ impl Field {
         let mut unseen = 0.0;
         for sign in &scene.candidates.signs {
             let p = view.to_camera(&sign.centroid_map);
-            if p.z < NEAREST_M {
+            if p.z < config.nearest_m {
                 continue;
             }
             let (at, found) = (view.pixel(&p), scene.detection.sign(sign.kind, p.z, sign.sight_m));
@@ -158,19 +151,19 @@ impl Field {
         unseen + self.total()
     }
 
-    fn score_lanes(&mut self, scene: &Scene<'_>, view: &View, cell: &Cell) -> f64 {
+    fn score_lanes(&mut self, scene: &Scene<'_>, view: &View, cell: &Cell, config: &StartConfig) -> f64 {
         self.begin(scene.features.lanes.len());
         let focal_px = scene.camera.fx_px;
         let clutter_ln = (scene.features.lanes.len().max(1) as f64 / scene.image.width_px).ln();
         let mut unseen = 0.0;
         for lane in &scene.candidates.lanes {
             let points = scene.candidates.lane_points_map.get(lane.start..lane.end).unwrap_or(&[]);
-            let mut places = [None; LANE_DEPTHS_M.len()];
+            let mut places = [None; 3];
             let mut last: Option<Vector3<f64>> = None;
             for point in points {
                 let p = view.to_camera(point);
                 if let Some(q) = last {
-                    for (place, depth_m) in places.iter_mut().zip(LANE_DEPTHS_M) {
+                    for (place, depth_m) in places.iter_mut().zip(config.lane_depths_m) {
                         if (q.z - depth_m) * (p.z - depth_m) <= 0.0 && (p.z - q.z).abs() > 1e-6 {
                             *place = Some(q + (p - q) * ((depth_m - q.z) / (p.z - q.z)));
                         }
@@ -187,7 +180,7 @@ impl Field {
             unseen += (1.0 - found).ln();
             let least = (found / (1.0 - found)).ln() - clutter_ln;
             // The places are not independent: the one that fits worst counts.
-            self.lane_gains(scene, &places, least);
+            self.lane_gains(scene, &places, least, config.lane_sigma_px);
         }
         unseen + self.total()
     }
@@ -197,11 +190,12 @@ impl Field {
         scene: &Scene<'_>,
         places: &(impl Iterator<Item = (Point2<f64>, (f64, f64))> + Clone),
         least: f64,
+        lane_sigma_px: f64,
     ) {
         for (feature, gain) in scene.features.lanes.iter().zip(&mut self.gains) {
             let worst = places.clone().filter_map(|(at, (column_px, row_px))| {
                 let (column, slope) = column_at(feature, at.y)?;
-                let sigma_px = column_px.hypot(slope * row_px).hypot(LANE_SIGMA_PX);
+                let sigma_px = column_px.hypot(slope * row_px).hypot(lane_sigma_px);
                 let off_px = at.x - column;
                 let density = log_normal(off_px, sigma_px);
                 Some(if off_px.abs() < 3.0 * sigma_px { density } else { f64::NEG_INFINITY })
@@ -260,13 +254,13 @@ mod tests {
             features.fill(&world.features(frame));
             let (camera, candidates, features) = (&world.camera, &candidates, &features);
             let scene = Scene { camera, image: IMAGE, features, candidates, noise: &noise, detection: &detection };
-            let mut field = Field::default();
+            let (mut field, config) = (Field::default(), StartConfig::default());
             field.fill(&scene);
-            let at_truth = field.score(&scene, &truth, &sigmas);
+            let at_truth = field.score(&scene, &truth, &sigmas, &config);
             for (right_m, forward_m, yaw_rad) in [(3.5, 0.0, 0.0), (-3.5, 0.0, 0.0), (0.0, 6.0, 0.0), (0.0, 0.0, 0.15)]
             {
                 let off = Vector6::new(right_m, 0.0, forward_m, 0.0, yaw_rad, 0.0);
-                let there = field.score(&scene, &retract(&truth, &off), &sigmas);
+                let there = field.score(&scene, &retract(&truth, &off), &sigmas, &config);
                 assert!(there < at_truth, "frame {frame}, {off}: {there} against {at_truth}");
             }
         }

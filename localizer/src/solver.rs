@@ -131,6 +131,38 @@ impl Solution {
     }
 }
 
+/// What some observations say about the pose that they are seen from, before
+/// any robust weight.
+#[derive(Debug, Clone, Copy)]
+pub struct Normal {
+    /// Normal matrix in the tangent at the pose: its lower triangle.
+    pub lower: Matrix6<f64>,
+    /// Gradient of half the sum of squares.
+    pub gradient: Vector6<f64>,
+    /// Sum of the squared whitened distances.
+    pub square: f64,
+    /// Observations whose point lies behind the camera; they are in none of these.
+    pub behind: usize,
+}
+
+impl Normal {
+    /// Of observations seen from a pose.
+    pub fn of(observations: &[Observation], view: &View) -> Self {
+        let mut sum = Self { lower: Matrix6::zeros(), gradient: Vector6::zeros(), square: 0.0, behind: 0 };
+        for observation in observations {
+            let Some((distance_px, row)) = observation.linearise(view) else {
+                sum.behind += 1;
+                continue;
+            };
+            let weight = 1.0 / (observation.sigma_px * observation.sigma_px);
+            sum.square += weight * distance_px * distance_px;
+            sum.gradient.axpy(weight * distance_px, &row, 1.0);
+            sum.lower.syger(weight, &row, &row, 1.0);
+        }
+        sum
+    }
+}
+
 /// Normal equations at one pose.
 struct Linearised {
     information: Matrix6<f64>,
@@ -147,26 +179,15 @@ fn linearise(problem: &Problem<'_>, groups: &mut [Group], config: &SolverConfig,
     let mut sum = Linearised { information: Matrix6::zeros(), gradient: Vector6::zeros(), cost: 0.0 };
     for group in groups {
         let observations = problem.observations.get(group.start..group.end).unwrap_or(&[]);
-        let mut information = Matrix6::zeros();
-        let mut gradient = Vector6::zeros();
-        let mut square = 0.0;
-        for observation in observations {
-            let Some((distance_px, row)) = observation.linearise(&view) else {
-                square += BEHIND;
-                continue;
-            };
-            let weight = 1.0 / (observation.sigma_px * observation.sigma_px);
-            square += weight * distance_px * distance_px;
-            gradient.axpy(weight * distance_px, &row, 1.0);
-            information.syger(weight, &row, &row, 1.0);
-        }
+        let own = Normal::of(observations, &view);
+        let square = own.square + own.behind as f64 * BEHIND;
         let count = observations.len().max(1) as f64;
         let (cost, weight) = config.loss.evaluate(square / count, config.loss_scale);
         group.mean_square = square / count;
         group.weight = weight;
         sum.cost += 0.5 * count * cost;
-        sum.gradient += gradient * weight;
-        sum.information += information * weight;
+        sum.gradient += own.gradient * weight;
+        sum.information += own.lower * weight;
     }
     // Only the lower triangle was accumulated.
     sum.information.fill_upper_triangle_with_lower_triangle();

@@ -306,13 +306,6 @@ mod tests {
     use crate::preselect::{Candidates, Lookup, PreselectConfig, Reach};
     use crate::testing::{IMAGE, Recipe, World};
 
-    /// The map with all its roads.
-    fn everywhere(world: &World) -> (LocalMap, Vec<RoadKey>) {
-        let (mut map, mut roads) = (LocalMap::whole(world.map.clone()), Vec::new());
-        map.roads_near(&Point3::origin(), 1e5, &mut roads).unwrap();
-        (map, roads)
-    }
-
     #[test]
     fn height_and_slope_come_from_the_path() {
         let world = World::new(Recipe::default());
@@ -321,7 +314,7 @@ mod tests {
         let mut position = Point3::from(truth.translation.vector);
         let yaw_rad = PoseParameters::from_pose(&truth).yaw_rad;
         position.y += 30.0;
-        let (map, roads) = everywhere(&world);
+        let (map, roads) = world.local_map();
         let rough = |heading| Rough::from_fix(&map, &roads, &position, 1.5, heading, &config);
         let along = rough(Some((yaw_rad, 0.03)));
         let off = local(&truth, &along.map_from_camera);
@@ -339,7 +332,7 @@ mod tests {
     fn far_from_every_path_the_height_is_that_of_the_fix() {
         let world = World::new(Recipe::default());
         let position = Point3::new(500.0, 12.0, 0.0);
-        let (map, roads) = everywhere(&world);
+        let (map, roads) = world.local_map();
         let rough = Rough::from_fix(&map, &roads, &position, 1.5, None, &StartConfig::default());
         assert!((rough.map_from_camera.translation.y - 12.0).abs() < 1e-9);
         assert!(rough.sigmas[1] > 1.5 && rough.sigmas[4] > 1.0);
@@ -369,7 +362,7 @@ mod tests {
                 noise: &noise,
                 detection: &detection,
             };
-            let (map, roads) = everywhere(&world);
+            let (map, roads) = world.local_map();
             let run = |scene: &Scene<'_>| {
                 let mut search = Search::default();
                 search.lay_out(&rough, &map, &roads, &StartConfig::default());

@@ -10,6 +10,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
 use crate::features::{Features, LaneFeature, LineFeature, PointFeature};
+use crate::local_map::{LocalMap, RoadKey};
 use crate::projection::{ImageSize, NEAR_M, View};
 
 /// Size of the made-up images.
@@ -127,6 +128,13 @@ fn on_road(s_m: f64, recipe: &Recipe) -> Pose {
 }
 
 impl World {
+    /// The map as the localizer holds it, with all its roads.
+    pub fn local_map(&self) -> (LocalMap, Vec<RoadKey>) {
+        let (mut map, mut roads) = (LocalMap::whole(self.map.clone()), Vec::new());
+        map.roads_near(&Point3::origin(), 1e5, &mut roads).unwrap();
+        (map, roads)
+    }
+
     pub fn new(recipe: Recipe) -> Self {
         let mut random = Random(Pcg64::seed_from_u64(recipe.seed));
         let mut exact = SemanticMap { frame_note: "made up".into(), ..SemanticMap::default() };

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::matching::Match;
 use crate::estimate::LandmarkId;
 use crate::projection::View;
-use crate::solver::{Prior, SolverConfig};
+use crate::solver::{Normal, Prior, SolverConfig};
 
 /// Settings of the separation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -43,14 +43,8 @@ struct Part {
 impl Part {
     fn new(found: &Match, view: &View, solver: &SolverConfig) -> Self {
         let observations = found.pairing.observations();
-        let (mut information, mut gradient, mut square) = (Matrix6::zeros(), Vector6::zeros(), 0.0);
-        for observation in observations {
-            let Some((distance_px, row)) = observation.linearise(view) else { continue };
-            let weight = 1.0 / (observation.sigma_px * observation.sigma_px);
-            square += weight * distance_px * distance_px;
-            gradient += row * (weight * distance_px);
-            information += row * row.transpose() * weight;
-        }
+        let Normal { lower: mut information, gradient, square, .. } = Normal::of(observations, view);
+        information.fill_upper_triangle_with_lower_triangle();
         let weight = solver.weight(square / observations.len().max(1) as f64);
         let at_map = match found.landmark {
             LandmarkId::Lane(_) => None,

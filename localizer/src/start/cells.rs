@@ -170,16 +170,10 @@ mod tests {
     use crate::testing::{Recipe, World};
     use common::geometry::local;
 
-    fn all_roads(world: &World) -> (LocalMap, Vec<RoadKey>) {
-        let (mut map, mut roads) = (LocalMap::whole(world.map.clone()), Vec::new());
-        map.roads_near(&Point3::origin(), 1e5, &mut roads).unwrap();
-        (map, roads)
-    }
-
     #[test]
     fn the_road_ahead_is_searched_far_with_few_cells() {
         let world = World::new(Recipe::default());
-        let (map, roads) = all_roads(&world);
+        let (map, roads) = world.local_map();
         let config = StartConfig::default();
         let sigmas = Vector6::new(12.0, 0.15, 12.0, 0.026, 0.2, 0.026);
         let rough = Rough { map_from_camera: world.truth[100], sigmas };

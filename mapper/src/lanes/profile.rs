@@ -175,7 +175,7 @@ pub fn step_m(bins: &[&Bin], config: &LaneConfig) -> Option<f64> {
         Some((own, own - reach * fall))
     };
     let (mut own, mut beyond): (Vec<f64>, Vec<f64>) = bins.iter().filter_map(of_bin).unzip();
-    if (own.len() as f64) * config.profile_m < config.shortest_dash_m {
+    if own.is_empty() || (own.len() as f64) * config.profile_m < config.shortest_dash_m {
         return None;
     }
     let middle = own.len() / 2;
@@ -193,7 +193,7 @@ const ROUNDS: usize = 3;
 /// (Viterbi 1967), and the share of paint points that it is told by.
 fn decide(bins: &mut [Bin], config: &LaneConfig) -> Shares {
     let side = |k: usize| bins.iter().fold(Share::default(), |sum, b| sum.plus(b.beside[k])).value();
-    let bare = side(0).min(side(1)).clamp(config.least_bare_share, 0.5);
+    let bare = side(0).min(side(1)).max(config.least_bare_share).min(0.5);
     let mut shares = Shares { painted: config.usual_share.max(2.0 * bare), bare };
     let mut share = 0.0;
     for _ in 0..ROUNDS {
@@ -237,7 +237,7 @@ fn likeliest(bins: &mut [Bin], shares: Shares, config: &LaneConfig) {
     // Points of one ring on one dash are no independent witnesses.
     let evidence = |b: &Bin| {
         let of_all = b.core.bright * more + (b.core.road - b.core.bright).max(0.0) * less;
-        (of_all * config.evidence_share).clamp(-config.most_evidence, config.most_evidence)
+        (of_all * config.evidence_share).max(-config.most_evidence).min(config.most_evidence)
     };
     // For each bin and state: whether the best way to it came from the other.
     let mut changed: Vec<[bool; 2]> = Vec::with_capacity(bins.len());

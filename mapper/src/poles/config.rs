@@ -127,6 +127,9 @@ pub struct PoleConfig {
     /// Largest share of the views that look through where a pole stands, of those
     /// from where every beam would hit it: what most of them look through has moved.
     pub largest_looked_through: f64,
+    /// Fewest beams of a scan through a place that tell that nothing stands
+    /// there: one or two may be strays.
+    pub fewest_beams_through: u32,
     /// Top of hedges and doors, metres above ground: hedges are kept at 2 m, doors
     /// are 2.0 to 2.1 m high. What stands out before them and ends below, with more
     /// of the same above it, is a stem or a jamb of theirs.
@@ -239,6 +242,7 @@ impl Default for PoleConfig {
             least_free_hanging_m: 1.1,
             largest_attached_share: 0.5,
             largest_looked_through: 0.5,
+            fewest_beams_through: 3,
             hedge_top_m: 2.2,
             rail_m: 0.5,
             rail_half_width_m: 0.08,

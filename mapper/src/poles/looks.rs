@@ -83,16 +83,13 @@ pub(super) fn looked_through(
         let (all, through) = &mut share[look.pole];
         if look.on > 0 {
             *all += weight;
-        } else if look.through >= FEWEST_THROUGH {
+        } else if look.through >= config.fewest_beams_through {
             *all += weight;
             *through += weight;
         }
     }
     share.into_iter().map(|(all, through)| if all > 0.0 { through / all } else { 0.0 }).collect()
 }
-
-/// Fewest beams through a place that tell that nothing stands there.
-const FEWEST_THROUGH: u32 = 3;
 
 /// Distance across the view from the axis of a pole, metres; none above and
 /// below what is seen of it.

@@ -19,16 +19,19 @@ use crate::solver::{Normal, Prior, SolverConfig};
 #[serde(default, deny_unknown_fields)]
 pub struct SeparationConfig {
     /// Share of the prediction's information that is used: the frames before
-    /// saw the same wrong match. 0.03 takes it as six times as uncertain.
+    /// saw the same wrong match. 0.04 takes it as five times as uncertain.
     pub prior_share: f64,
     /// Poles and signs that stand nearer together are one object and are left
     /// out together, metres: a sign and its post err together.
     pub object_m: f64,
+    /// Standard deviations of what is left without the object that may be
+    /// added to the move: two keep 95 %.
+    pub sigmas: f64,
 }
 
 impl Default for SeparationConfig {
     fn default() -> Self {
-        Self { prior_share: 0.03, object_m: 1.0 }
+        Self { prior_share: 0.04, object_m: 1.0, sigmas: 1.0 }
     }
 }
 
@@ -59,9 +62,11 @@ impl Part {
     }
 }
 
-/// By how much the pose (solved with `matches` and `prior`) moves at most,
-/// horizontally in metres, when one object is left out, or none but most of
-/// the prior. Infinite where nothing fixes the pose then.
+/// How far off the pose (solved with `matches` and `prior`) may be,
+/// horizontally in metres, if one object was matched wrongly, or none but most
+/// of the prior is wrong: the largest move of the pose without it, and some
+/// standard deviations of what is left. Infinite where nothing fixes the pose
+/// then.
 pub fn separation_m(
     matches: &[Match],
     view: &View,
@@ -78,11 +83,12 @@ pub fn separation_m(
         information += part.information;
         gradient += part.gradient;
     }
-    let step = |information: Matrix6<f64>, gradient: Vector6<f64>| {
-        Cholesky::new(information).map(|factor| -factor.solve(&gradient))
+    let level_m = |information: Matrix6<f64>, gradient: Vector6<f64>| {
+        let Some(factor) = Cholesky::new(information) else { return f64::INFINITY };
+        let (step, covariance) = (factor.solve(&gradient), factor.inverse());
+        step[0].hypot(step[2]) + config.sigmas * (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt()
     };
-    let Some(all) = step(information, gradient) else { return f64::INFINITY };
-    let mut most_m = all[0].hypot(all[2]);
+    let mut most_m = level_m(information, gradient);
     for part in &parts {
         let (mut information, mut gradient) = (information, gradient);
         for other in
@@ -91,8 +97,7 @@ pub fn separation_m(
             information -= other.information;
             gradient -= other.gradient;
         }
-        let Some(without) = step(information, gradient) else { return f64::INFINITY };
-        most_m = most_m.max(without[0].hypot(without[2]));
+        most_m = most_m.max(level_m(information, gradient));
     }
     most_m
 }
@@ -147,11 +152,12 @@ mod tests {
     }
 
     #[test]
-    fn without_matches_the_prior_stays() {
+    fn without_matches_a_share_of_the_prior_is_left() {
         let pose = Pose::identity();
         let prior = Prior::new(pose, &Matrix6::identity()).unwrap();
         let view = View::new(&crate::projection::tests::camera(), &pose);
         let config = SeparationConfig::default();
-        assert!(separation_m(&[], &view, &pose, &prior, &config, &SolverConfig::default()) < 1e-9);
+        let level_m = separation_m(&[], &view, &pose, &prior, &config, &SolverConfig::default());
+        assert!((level_m - config.sigmas * (2.0 / config.prior_share).sqrt()).abs() < 1e-9, "{level_m} m");
     }
 }

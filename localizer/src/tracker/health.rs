@@ -26,9 +26,8 @@ pub struct HealthConfig {
     /// Mean squared whitened residual up to which the matches agree: what it is
     /// where the standard deviations are right.
     pub max_mean_square: f64,
-    /// By how much leaving out one object, or most of the prediction, may move
-    /// an ok pose, metres: what hangs on one thing is not verified. Half of the
-    /// 0.5 m that nobody should be off by unwarned.
+    /// How far off an ok pose may be if one object, or most of the prediction,
+    /// is wrong, metres: what nobody should be off by unwarned.
     pub max_separation_m: f64,
     /// A frame holds a pose if what was matched is worth at least this, nats,
     /// whatever was not seen: with a house before half of the landmarks the
@@ -53,7 +52,7 @@ impl Default for HealthConfig {
             verify_frames: 5,
             ok_lead: 3.0,
             max_mean_square: 1.0,
-            max_separation_m: 0.25,
+            max_separation_m: 0.5,
             min_worth: 6.0,
             lost_after_frames: 8,
             search_sigma_m: 1.5,

@@ -10,6 +10,7 @@ use crate::filter::MotionConfig;
 use crate::gps::GpsConfig;
 use crate::local_map::LocalMapConfig;
 use crate::measurement::NoiseConfig;
+use crate::odometry::OdometryConfig;
 use crate::preselect::PreselectConfig;
 use crate::solver::SolverConfig;
 use crate::start::StartConfig;
@@ -40,6 +41,8 @@ pub struct Config {
     pub start: StartConfig,
     /// The vehicle's motion.
     pub motion: MotionConfig,
+    /// Wheels and gyroscope.
+    pub odometry: OdometryConfig,
     /// The set of hypotheses.
     pub bank: BankConfig,
     /// The look beside the best hypothesis.

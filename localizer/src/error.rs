@@ -81,6 +81,26 @@ pub enum Error {
         /// Distance to the nearest frame, seconds.
         off_s: f64,
     },
+    /// A row of an odometry file of unknown form.
+    #[error("{} line {line} has {found} columns; give `t_s,speed_m_s,yaw_rate_rad_s`", path.display())]
+    OdometryRow {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// Its columns.
+        found: usize,
+    },
+    /// Odometry that goes back in time.
+    #[error("{} line {line} is at {time_s} s, no later than the line before; sort the lines by time", path.display())]
+    OdometryTime {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// Its time, seconds.
+        time_s: f64,
+    },
     /// A result file without the columns of one.
     #[error("{} is no result of `localizer run`: line {line} {problem}; give its output folder or its estimates.csv", path.display())]
     BadResult {

@@ -2,66 +2,42 @@
 //!
 //! The velocity is constant but for random accelerations; how strong these
 //! are, and how soon a swaying dies out, stands in [`MotionConfig`] for each
-//! axis of a road vehicle.
+//! axis of a road vehicle. What does not change along a drive (how the camera
+//! sits on the vehicle, what its odometry is off by) is estimated along.
+
+mod motion;
+mod vehicle;
 
 use common::geometry::{Pose, Tangent, local, retract};
-use nalgebra::{Cholesky, Matrix6, SMatrix, UnitQuaternion, Vector3};
-use serde::{Deserialize, Serialize};
+use nalgebra::{Cholesky, Matrix6, SMatrix, SVector, UnitQuaternion, Vector3};
 
-type Matrix12 = SMatrix<f64, 12, 12>;
+use crate::odometry::OdometryConfig;
+pub use motion::{AxisMotion, MotionConfig};
 
-/// How a velocity component wanders.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct AxisMotion {
-    /// Standard deviation of its change after one second of free wandering,
-    /// m/s or rad/s.
-    pub walk: f64,
-    /// Time after which it has fallen to 37 % by itself, seconds: springs and
-    /// dampers end a swaying, nothing ends driving on.
-    pub memory_s: f64,
-}
+/// Pose (0 to 5), velocity (6 to 11), what the odometry is off by (12, 13), how
+/// the camera sits on the vehicle (14 to 16).
+const STATES: usize = 17;
+/// All but the pose.
+const REST: usize = STATES - 6;
+/// The velocity to the right.
+const RIGHT: usize = 6;
+/// The forward velocity.
+const FORWARD: usize = 8;
+/// The turn rate about the down axis, positive to the right.
+const YAW_RATE: usize = 10;
+/// The scale of the wheels.
+const SCALE: usize = 12;
+/// The bias of the gyroscope.
+const BIAS: usize = 13;
+/// How far the camera is ahead of the axle that does not steer.
+const LEVER: usize = 14;
+/// The angle of the driving direction to the right of the camera's axis.
+const MOUNTING: usize = 15;
+/// How much higher the camera is than the survey's.
+const HEIGHT: usize = 16;
 
-/// Motion of the camera on a road vehicle, in the camera's axes.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct MotionConfig {
-    /// Sideways: yaw rate times the lever to the rear axle (0.6 rad/s times 1
-    /// to 2 m), mounting angle times speed.
-    pub right: AxisMotion,
-    /// Vertical: bumps of some centimetres at 1 to 2 Hz, mounting pitch times
-    /// speed.
-    pub down: AxisMotion,
-    /// Forward: accelerations of 1 to 2 m/s^2 that last a second; hard braking
-    /// is followed through the images.
-    pub forward: AxisMotion,
-    /// Pitching: half a degree at 1 to 2 Hz.
-    pub pitch: AxisMotion,
-    /// Turning: a corner is entered within half a second at up to 0.6 rad/s.
-    pub yaw: AxisMotion,
-    /// Rolling: as pitching.
-    pub roll: AxisMotion,
-}
-
-impl Default for MotionConfig {
-    fn default() -> Self {
-        let axis = |walk, memory_s| AxisMotion { walk, memory_s };
-        Self {
-            right: axis(0.6, 1.0),
-            down: axis(0.4, 1.0),
-            forward: axis(1.0, 60.0),
-            pitch: axis(0.08, 0.5),
-            yaw: axis(0.8, 3.0),
-            roll: axis(0.08, 0.5),
-        }
-    }
-}
-
-impl MotionConfig {
-    fn axes(&self) -> [AxisMotion; 6] {
-        [self.right, self.down, self.forward, self.pitch, self.yaw, self.roll]
-    }
-}
+type MatrixN = SMatrix<f64, STATES, STATES>;
+type VectorN = SVector<f64, STATES>;
 
 /// A belief about where the camera is and how it moves.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,22 +46,65 @@ pub struct State {
     pub map_from_camera: Pose,
     /// Mean velocity in the camera's axes: m/s, then rad/s.
     pub velocity: Tangent,
-    /// Covariance of the pose's local tangent, then of the velocity.
-    pub covariance: Matrix12,
+    /// By which share the wheels show more than the true speed.
+    pub wheel_scale: f64,
+    /// By how much the gyroscope shows more than the true turn rate, rad/s,
+    /// positive to the left.
+    pub yaw_bias_rad_s: f64,
+    /// How far the camera is ahead of the axle that does not steer, metres.
+    pub lever_m: f64,
+    /// The driving direction to the right of the camera's axis, radians.
+    pub mounting_rad: f64,
+    /// How much higher the camera is over the road than the survey's, metres.
+    pub higher_m: f64,
+    /// What odometry, wheels and road have said against it since the last
+    /// image: half the sum of the squared Mahalanobis distances.
+    pub surprise: f64,
+    /// Covariance of the pose's local tangent, then of the velocity, the
+    /// wheels' scale, the gyroscope's bias, lever, mounting and height.
+    pub covariance: SMatrix<f64, STATES, STATES>,
 }
 
 impl State {
-    /// Independent beliefs about pose and velocity.
+    /// Independent beliefs about pose, velocity and odometry.
     pub fn new(
         map_from_camera: Pose,
         pose_covariance: &Matrix6<f64>,
         velocity: Tangent,
         velocity_covariance: &Matrix6<f64>,
+        motion: &MotionConfig,
+        odometry: &OdometryConfig,
     ) -> Self {
-        let mut covariance = Matrix12::zeros();
+        let mut covariance = MatrixN::zeros();
         covariance.fixed_view_mut::<6, 6>(0, 0).copy_from(pose_covariance);
         covariance.fixed_view_mut::<6, 6>(6, 6).copy_from(velocity_covariance);
-        Self { map_from_camera, velocity, covariance }
+        covariance[(SCALE, SCALE)] = odometry.scale_sigma * odometry.scale_sigma;
+        covariance[(BIAS, BIAS)] = odometry.yaw_bias_sigma_rad_s * odometry.yaw_bias_sigma_rad_s;
+        covariance[(LEVER, LEVER)] = motion.lever_sigma_m * motion.lever_sigma_m;
+        covariance[(HEIGHT, HEIGHT)] = motion.height_sigma_m * motion.height_sigma_m;
+        covariance[(MOUNTING, MOUNTING)] = motion.mounting_sigma_rad * motion.mounting_sigma_rad;
+        Self {
+            map_from_camera,
+            velocity,
+            wheel_scale: 0.0,
+            yaw_bias_rad_s: 0.0,
+            lever_m: motion.lever_m,
+            mounting_rad: 0.0,
+            higher_m: 0.0,
+            surprise: 0.0,
+            covariance,
+        }
+    }
+
+    /// The same motion at another place: the pose is known to
+    /// `pose_covariance` there, whatever was known of it here.
+    #[must_use]
+    pub fn moved_to(&self, map_from_camera: Pose, pose_covariance: &Matrix6<f64>) -> Self {
+        let mut covariance = self.covariance;
+        covariance.fixed_view_mut::<6, REST>(0, 6).fill(0.0);
+        covariance.fixed_view_mut::<REST, 6>(6, 0).fill(0.0);
+        covariance.fixed_view_mut::<6, 6>(0, 0).copy_from(pose_covariance);
+        Self { map_from_camera, covariance, ..self.clone() }
     }
 
     /// Covariance of the pose alone.
@@ -96,18 +115,28 @@ impl State {
     /// The belief `dt_s` later.
     #[must_use]
     pub fn predicted(&self, dt_s: f64, motion: &MotionConfig) -> Self {
+        let mut state = self.moved_on(dt_s, motion);
+        state.roll_on_wheels(motion);
+        state
+    }
+
+    /// The belief `dt_s` later of a body that moves freely.
+    fn moved_on(&self, dt_s: f64, motion: &MotionConfig) -> Self {
         let step = self.velocity * dt_s;
         let moved = Vector3::new(step[0], step[1], step[2]);
         let back = UnitQuaternion::from_scaled_axis(-Vector3::new(step[3], step[4], step[5]))
             .to_rotation_matrix()
             .into_inner();
         // (rho, phi, dv, dw) -> (E (rho - [v dt]x phi + dv dt), E phi + dw dt, ..)
-        let mut transition = Matrix12::zeros();
+        let mut transition = MatrixN::zeros();
         transition.fixed_view_mut::<3, 3>(0, 0).copy_from(&back);
         transition.fixed_view_mut::<3, 3>(0, 3).copy_from(&(-back * moved.cross_matrix()));
         transition.fixed_view_mut::<3, 3>(3, 3).copy_from(&back);
         transition.fixed_view_mut::<3, 3>(0, 6).copy_from(&(back * dt_s));
-        let mut noise = Matrix12::zeros();
+        for i in 12..STATES {
+            transition[(i, i)] = 1.0;
+        }
+        let mut noise = MatrixN::zeros();
         let mut velocity = self.velocity;
         for (i, axis) in motion.axes().into_iter().enumerate() {
             let kept = (-dt_s / axis.memory_s.max(1e-3)).exp();
@@ -126,31 +155,50 @@ impl State {
         Self {
             map_from_camera: retract(&self.map_from_camera, &step),
             velocity,
+            surprise: 0.0,
             covariance: (covariance + covariance.transpose()) * 0.5,
+            ..self.clone()
         }
     }
 
     /// The belief after the pose became known as `map_from_camera` with
     /// `pose_covariance`, this belief's pose having been its prior. The
-    /// velocity follows by its correlation with the pose.
+    /// rest follows by its correlation with the pose.
     ///
     /// Unchanged where the present pose covariance is not positive definite.
     pub fn update(&mut self, map_from_camera: &Pose, pose_covariance: &Matrix6<f64>) {
         let before = self.pose_covariance();
         let Some(factor) = Cholesky::new(before) else { return };
-        let cross: Matrix6<f64> = self.covariance.fixed_view::<6, 6>(6, 0).into_owned();
-        // K = P_vp P_pp^-1, by solving P_pp K^T = P_pv.
+        let cross: SMatrix<f64, REST, 6> = self.covariance.fixed_view::<REST, 6>(6, 0).into_owned();
+        // K = P_rp P_pp^-1, by solving P_pp K^T = P_pr.
         let gain = factor.solve(&cross.transpose()).transpose();
-        let moved = local(&self.map_from_camera, map_from_camera);
-        self.velocity += gain * moved;
+        self.shift_rest(&(gain * local(&self.map_from_camera, map_from_camera)));
         self.map_from_camera = *map_from_camera;
-        let velocity: Matrix6<f64> = self.covariance.fixed_view::<6, 6>(6, 6).into_owned();
-        let velocity = velocity - gain * (before - pose_covariance) * gain.transpose();
+        let rest: SMatrix<f64, REST, REST> = self.covariance.fixed_view::<REST, REST>(6, 6).into_owned();
+        let rest = rest - gain * (before - pose_covariance) * gain.transpose();
         let cross = gain * pose_covariance;
         self.covariance.fixed_view_mut::<6, 6>(0, 0).copy_from(pose_covariance);
-        self.covariance.fixed_view_mut::<6, 6>(6, 0).copy_from(&cross);
-        self.covariance.fixed_view_mut::<6, 6>(0, 6).copy_from(&cross.transpose());
-        self.covariance.fixed_view_mut::<6, 6>(6, 6).copy_from(&((velocity + velocity.transpose()) * 0.5));
+        self.covariance.fixed_view_mut::<REST, 6>(6, 0).copy_from(&cross);
+        self.covariance.fixed_view_mut::<6, REST>(0, 6).copy_from(&cross.transpose());
+        self.covariance.fixed_view_mut::<REST, REST>(6, 6).copy_from(&((rest + rest.transpose()) * 0.5));
+    }
+
+    fn shift_rest(&mut self, delta: &SVector<f64, REST>) {
+        self.velocity += delta.fixed_rows::<6>(0);
+        self.wheel_scale += delta[SCALE - 6];
+        self.yaw_bias_rad_s += delta[BIAS - 6];
+        self.lever_m += delta[LEVER - 6];
+        self.mounting_rad += delta[MOUNTING - 6];
+        self.higher_m += delta[HEIGHT - 6];
+    }
+
+    /// Takes the standard deviation of one component as this share of what it
+    /// was, the correlations as they were.
+    pub fn sharpen(&mut self, component: usize, share: f64) {
+        for i in 0..STATES {
+            self.covariance[(component, i)] *= share;
+            self.covariance[(i, component)] *= share;
+        }
     }
 
     /// As [`Self::measure`], but only where the state knows the component less
@@ -164,15 +212,23 @@ impl State {
     /// Takes in that the pose lies `offset` away along one component of its
     /// tangent (0 to 5), known to `sigma` (m or rad).
     pub fn measure(&mut self, component: usize, offset: f64, sigma: f64) {
-        let variance = self.covariance[(component, component)];
-        let gain = self.covariance.column(component) / (variance + sigma * sigma);
-        let delta = gain * offset;
-        let step = Tangent::from_fn(|i, _| delta[i]);
-        self.map_from_camera = retract(&self.map_from_camera, &step);
-        self.velocity += Tangent::from_fn(|i, _| delta[i + 6]);
-        let row = self.covariance.row(component).into_owned();
-        self.covariance -= gain * row;
+        let mut row = VectorN::zeros();
+        row[component] = 1.0;
+        self.absorb(&row, offset, sigma);
+    }
+
+    /// The update of a Kalman filter for one number that lies `offset` above
+    /// what the state expects, known to `sigma`; `row` is its derivative.
+    /// Returns half the squared Mahalanobis distance.
+    fn absorb(&mut self, row: &VectorN, offset: f64, sigma: f64) -> f64 {
+        let spread = self.covariance * row;
+        let variance = row.dot(&spread) + sigma * sigma;
+        let delta = spread * (offset / variance);
+        self.map_from_camera = retract(&self.map_from_camera, &delta.fixed_rows::<6>(0).into_owned());
+        self.shift_rest(&delta.fixed_rows::<REST>(6).into_owned());
+        self.covariance -= spread * spread.transpose() / variance;
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
+        0.5 * offset * offset / variance
     }
 }
 
@@ -181,16 +237,18 @@ mod tests {
     use super::*;
     use common::geometry::PoseParameters;
 
-    fn state() -> State {
+    pub(super) fn state() -> State {
         let pose = PoseParameters { x_m: 1.0, y_m: 0.0, z_m: 5.0, yaw_rad: 0.5, pitch_rad: 0.01, roll_rad: 0.0 };
         let velocity = Tangent::new(0.1, 0.0, 12.0, 0.0, 0.2, 0.0);
-        State::new(pose.to_pose(), &(Matrix6::identity() * 0.01), velocity, &(Matrix6::identity() * 0.25))
+        let (motion, odometry) = (MotionConfig::default(), OdometryConfig::default());
+        let unsure = Matrix6::identity();
+        State::new(pose.to_pose(), &(unsure * 0.01), velocity, &(unsure * 0.25), &motion, &odometry)
     }
 
     #[test]
     fn the_transition_is_the_derivative_of_the_motion() {
         let motion = MotionConfig::default();
-        let base = state().predicted(0.1, &motion).map_from_camera;
+        let base = state().moved_on(0.1, &motion).map_from_camera;
         // Without noise and velocity covariance the predicted covariance is
         // F P F^T; probe it column by column with a thin covariance.
         for axis in 0..6 {
@@ -198,12 +256,12 @@ mod tests {
             delta[axis] = 1e-5;
             let mut moved = state();
             moved.map_from_camera = retract(&moved.map_from_camera, &delta);
-            let numeric = local(&base, &moved.predicted(0.1, &motion).map_from_camera) / 1e-5;
+            let numeric = local(&base, &moved.moved_on(0.1, &motion).map_from_camera) / 1e-5;
             let mut thin = state();
-            thin.covariance = Matrix12::zeros();
-            let noise = thin.predicted(0.1, &motion).covariance;
+            thin.covariance = MatrixN::zeros();
+            let noise = thin.moved_on(0.1, &motion).covariance;
             thin.covariance[(axis, axis)] = 1.0;
-            let spread = thin.predicted(0.1, &motion).covariance - noise;
+            let spread = thin.moved_on(0.1, &motion).covariance - noise;
             for i in 0..6 {
                 for j in 0..6 {
                     assert!((spread[(i, j)] - numeric[i] * numeric[j]).abs() < 1e-3, "axis {axis} ({i}, {j})");

@@ -10,6 +10,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
+use crate::filter::State;
 use crate::{Error, Result};
 
 /// Standard deviations of GPS fixes.
@@ -22,11 +23,27 @@ pub struct GpsConfig {
     pub heading_sigma_deg: f64,
     /// Fixes that are simulated, from the first frame on; the paper's 2.
     pub simulated_fixes: usize,
+    /// Fixes bound the pose wherever it is known less well than they are.
+    /// Without, they only say where to search and which pose is the likelier.
+    pub fuse: bool,
+    /// A fix further from what is expected than this is refused, standard
+    /// deviations of both: reflections put it tens of metres off.
+    pub refused_sigmas: f64,
+    /// So many fixes in a row that are refused are right, and what was expected
+    /// is not.
+    pub believed_after: usize,
 }
 
 impl Default for GpsConfig {
     fn default() -> Self {
-        Self { horizontal_sigma_m: 1.5, heading_sigma_deg: 2.0, simulated_fixes: 2 }
+        Self {
+            horizontal_sigma_m: 1.5,
+            heading_sigma_deg: 2.0,
+            simulated_fixes: 2,
+            fuse: false,
+            refused_sigmas: 4.0,
+            believed_after: 3,
+        }
     }
 }
 
@@ -52,6 +69,19 @@ impl GpsFix {
             horizontal_sigma_m: config.horizontal_sigma_m,
             heading: Some((parameters.yaw_rad, config.heading_sigma_deg.to_radians())),
         }
+    }
+
+    /// How far the fix is from a state's position, right and forward, metres;
+    /// none where it is further than can be believed.
+    pub fn offset(&self, state: &State, config: &GpsConfig) -> Option<[f64; 2]> {
+        let pose = &state.map_from_camera;
+        let off = pose.rotation.inverse() * (self.position_map.coords - pose.translation.vector);
+        let is_near = |component: usize| {
+            let own_m2 = state.covariance[(component, component)];
+            let sigma_m = (own_m2 + self.horizontal_sigma_m * self.horizontal_sigma_m).sqrt();
+            off[component].abs() <= config.refused_sigmas * sigma_m
+        };
+        (is_near(0) && is_near(2)).then_some([off.x, off.z])
     }
 
     /// Half the squared Mahalanobis distance of a pose from the fix.
@@ -121,12 +151,14 @@ pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<BTreeMap
     Ok(fixes)
 }
 
-fn bad_number(path: &Path, line: usize, text: &str) -> Error {
+/// The error of a number that is none.
+pub(crate) fn bad_number(path: &Path, line: usize, text: &str) -> Error {
     let text = text.chars().take(40).collect();
     common::Error::BadNumber { path: path.to_path_buf(), line, text }.into()
 }
 
-fn numbers(path: &Path, line: usize, row: &str) -> Result<Vec<f64>> {
+/// The numbers of a row, separated by blanks or commas.
+pub(crate) fn numbers(path: &Path, line: usize, row: &str) -> Result<Vec<f64>> {
     row.split([' ', '\t', ','])
         .filter(|word| !word.is_empty())
         .map(|word| word.parse().map_err(|_| bad_number(path, line, word)))
@@ -183,7 +215,7 @@ mod tests {
 
     #[test]
     fn simulated_fixes_repeat_with_their_seed_and_spread_as_stated() {
-        let config = GpsConfig { horizontal_sigma_m: 1.5, heading_sigma_deg: 2.0, simulated_fixes: 2 };
+        let config = GpsConfig::default();
         let truth = vec![Pose::identity(); 4000];
         let fixes = simulate(&truth, &config, 3);
         assert_eq!(fixes, simulate(&truth, &config, 3));

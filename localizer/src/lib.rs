@@ -18,6 +18,7 @@ pub mod filter;
 pub mod gps;
 pub mod local_map;
 pub mod measurement;
+pub mod odometry;
 pub mod output;
 pub mod overlay;
 pub mod paper_tracker;

@@ -124,7 +124,8 @@ mod tests {
         let mut squares = Vec::new();
         for frame in 0..world.truth.len() {
             let features = world.features(frame);
-            let input = FrameInput { time_s: time_s(frame), features: &features, gps: fixes.get(frame) };
+            let input =
+                FrameInput { time_s: time_s(frame), features: &features, gps: fixes.get(frame), odometry: None };
             let estimate = tracker.step(&input).unwrap().unwrap();
             squares.push(local(&world.truth[frame], &estimate.map_from_camera).fixed_rows::<3>(0).norm_squared());
         }
@@ -138,9 +139,14 @@ mod tests {
         let mut map = LocalMap::whole(world.map.clone());
         let mut tracker = PaperTracker::new(&mut map, &world.camera, IMAGE, &Config::default());
         let blank = crate::features::Features::default();
-        assert!(tracker.step(&FrameInput { time_s: 0.0, features: &blank, gps: None }).unwrap().is_none());
+        assert!(
+            tracker.step(&FrameInput { time_s: 0.0, features: &blank, gps: None, odometry: None }).unwrap().is_none()
+        );
         let fix = crate::gps::GpsFix::from_pose(&world.truth[0], &GpsConfig::default());
-        let estimate = tracker.step(&FrameInput { time_s: 0.0, features: &blank, gps: Some(&fix) }).unwrap().unwrap();
+        let estimate = tracker
+            .step(&FrameInput { time_s: 0.0, features: &blank, gps: Some(&fix), odometry: None })
+            .unwrap()
+            .unwrap();
         assert_eq!(estimate.status, Status::Degraded);
         assert!(estimate.correspondences.is_empty());
     }

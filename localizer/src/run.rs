@@ -11,6 +11,7 @@ use crate::estimate::PoseEstimate;
 use crate::features::Features;
 use crate::gps::GpsFix;
 use crate::local_map::LocalMap;
+use crate::odometry::OdometryLog;
 use crate::paper_tracker::PaperTracker;
 use crate::projection::ImageSize;
 use crate::tracker::{FrameInput, Tracker};
@@ -95,17 +96,26 @@ pub struct FrameFeatures {
 }
 
 /// Localizes the frames in order. Frames before the first fix give nothing.
+/// An empty log of odometry says nothing.
 ///
 /// # Errors
 /// Where the map cannot be read; only a map in memory cannot fail.
 pub fn localize(
     frames: &[FrameFeatures],
     fixes: &BTreeMap<usize, GpsFix>,
+    odometry: &OdometryLog,
     mut localizer: Localizer<'_>,
 ) -> Result<Vec<FrameResult>> {
+    let mut last_s = None;
     let mut step = |seen: &FrameFeatures| -> Result<Option<FrameResult>> {
         let started = Instant::now();
-        let input = FrameInput { time_s: seen.time_s, features: &seen.features, gps: fixes.get(&seen.frame) };
+        let input = FrameInput {
+            time_s: seen.time_s,
+            features: &seen.features,
+            gps: fixes.get(&seen.frame),
+            odometry: last_s.and_then(|last_s| odometry.between(last_s, seen.time_s)),
+        };
+        last_s = Some(seen.time_s);
         let Some(estimate) = localizer.step(&input)? else { return Ok(None) };
         let features = &seen.features;
         Ok(Some(FrameResult {

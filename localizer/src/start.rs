@@ -70,8 +70,14 @@ pub struct StartConfig {
     /// Standard deviation of that height, metres: another load, another rig of
     /// the same kind, the lane beside.
     pub height_sigma_m: f64,
-    /// Frames over which the height is off by the same: about what the filter
-    /// remembers. So many together say it once.
+    /// Standard deviation of the survey's path in height along a road, metres:
+    /// its tolerance, springs.
+    pub road_height_sigma_m: f64,
+    /// How much the road falls to the side (share): beside the path the height
+    /// is as much less sure.
+    pub crossfall: f64,
+    /// Frames over which the height is off by the same: some seconds. So many
+    /// together say it once.
     pub height_frames: f64,
     /// Standard deviation of pitch and roll against the survey's path,
     /// radians: mounting, braking, the road's crossfall.
@@ -102,6 +108,8 @@ impl Default for StartConfig {
             kept: 24,
             height_above_path_m: 0.0,
             height_sigma_m: 0.15,
+            road_height_sigma_m: 0.06,
+            crossfall: 0.025,
             height_frames: 8.0,
             tilt_sigma_rad: 0.026,
             path_heading_sigma_rad: 0.3,

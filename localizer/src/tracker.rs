@@ -26,6 +26,7 @@ use crate::features::Features;
 use crate::filter::State;
 use crate::gps::GpsFix;
 use crate::local_map::LocalMap;
+use crate::odometry::Odometry;
 use crate::prepare::Prepared;
 use crate::preselect::{Candidates, Lookup, Reach};
 use crate::projection::ImageSize;
@@ -41,6 +42,8 @@ pub struct FrameInput<'a> {
     pub features: &'a Features,
     /// A rough position, where there is one for this frame.
     pub gps: Option<&'a GpsFix>,
+    /// Mean motion since the frame before, where wheels and gyroscope say it.
+    pub odometry: Option<Odometry>,
 }
 
 /// The localizer of one drive.
@@ -55,6 +58,8 @@ pub struct Tracker<'a> {
     last_time_s: Option<f64>,
     /// Where the camera must be by GPS and by the last trusted pose.
     region: Option<State>,
+    /// Fixes in a row that lie outside of the region.
+    refused_fixes: usize,
     is_lost: bool,
     associator: Associator,
     search: Search,
@@ -73,6 +78,7 @@ impl<'a> Tracker<'a> {
             bank: Vec::new(),
             last_time_s: None,
             region: None,
+            refused_fixes: 0,
             is_lost: false,
             associator: Associator::default(),
             search: Search::default(),
@@ -91,8 +97,8 @@ impl<'a> Tracker<'a> {
         let dt_s = self.last_time_s.map_or(0.0, |last_s| (input.time_s - last_s).max(0.0));
         self.last_time_s = Some(input.time_s);
         self.prepared.fill(input.features);
-        self.predict(dt_s);
-        self.follow_region(dt_s, input.gps)?;
+        self.predict(dt_s, input.odometry.as_ref());
+        self.follow_region(dt_s, input)?;
         self.observe(input.gps)?;
         self.search_if_needed()?;
         self.prune();
@@ -102,10 +108,10 @@ impl<'a> Tracker<'a> {
 
     /// Moves every hypothesis on; those that do not know their speed yet split
     /// into one for each speed that the images could tell apart.
-    fn predict(&mut self, dt_s: f64) {
+    fn predict(&mut self, dt_s: f64, odometry: Option<&Odometry>) {
         let previous = std::mem::take(&mut self.bank);
         for hypothesis in previous {
-            hypothesis.predict(dt_s, &self.config, &mut self.bank);
+            hypothesis.predict(dt_s, odometry, &self.config, &mut self.bank);
         }
     }
 
@@ -143,6 +149,9 @@ impl<'a> Tracker<'a> {
         let mut jumps = Vec::new();
         for hypothesis in &mut self.bank {
             hypothesis.constrain_to_path(self.map, &self.candidates.roads, &self.config.start);
+            if let Some(fix) = gps.filter(|_| self.config.gps.fuse) {
+                hypothesis.constrain_to_fix(fix, &self.config.gps);
+            }
             if let Some(jump) = hypothesis.observe(&scene, &mut self.associator, gps, &self.config) {
                 jumps.push(Hypothesis::beside(hypothesis, &jump, self.config.bank.jump_cost));
             }
@@ -160,25 +169,30 @@ impl<'a> Tracker<'a> {
     }
 
     /// Keeps the region up in which the camera is, whatever is tracked.
-    fn follow_region(&mut self, dt_s: f64, gps: Option<&GpsFix>) -> Result<()> {
+    fn follow_region(&mut self, dt_s: f64, input: &FrameInput<'_>) -> Result<()> {
         if let Some(region) = &mut self.region {
-            *region = region.predicted(dt_s, &self.config.motion);
+            *region = region.driven(dt_s, input.odometry.as_ref(), &self.config.motion, &self.config.odometry);
             let position = Point3::from(region.map_from_camera.translation.vector);
             let place = self.map.nearest_path(&self.candidates.roads, &position);
             if let Some(place) = place {
                 keep_on_road(region, &place, &self.config.start);
             }
         }
-        let Some(fix) = gps else { return Ok(()) };
+        let Some(fix) = input.gps else { return Ok(()) };
         let rough = self.rough_from(fix)?;
+        let is_refused = self.region.as_ref().is_some_and(|region| fix.offset(region, &self.config.gps).is_none());
+        self.refused_fixes = if is_refused { self.refused_fixes + 1 } else { 0 };
+        if is_refused && self.refused_fixes < self.config.gps.believed_after {
+            return Ok(());
+        }
         match &mut self.region {
-            Some(region) => {
+            Some(region) if !is_refused => {
                 let off = local(&region.map_from_camera, &rough.map_from_camera);
                 for component in [0, 2, 4] {
                     region.measure(component, off[component], rough.sigmas[component]);
                 }
             }
-            None => self.region = Some(unknown_speed(&rough, &self.config.bank)),
+            _ => self.region = Some(unknown_speed(&rough, &self.config)),
         }
         Ok(())
     }
@@ -289,7 +303,7 @@ impl<'a> Tracker<'a> {
         let found = rivals::find(&scene, &best, &mut self.associator, &self.config);
         let loose = rivals::find_loose(&scene, &best, &mut self.associator, &self.config);
         if let Some(loose) = loose.filter(|loose| loose.evidence() > best.evidence - self.config.rivals.spawn_margin) {
-            self.add(Hypothesis::beside(&best, &loose, self.config.rivals.loose_cost));
+            self.add(Hypothesis::beside(&best, &loose, self.config.bank.jump_cost));
         }
         let mut margin = f64::INFINITY;
         for rival in found {
@@ -326,14 +340,15 @@ impl<'a> Tracker<'a> {
 }
 
 /// The state of a camera of which only a rough pose is known.
-fn unknown_speed(rough: &Rough, bank: &BankConfig) -> State {
+fn unknown_speed(rough: &Rough, config: &Config) -> State {
+    let bank = &config.bank;
     // Forward at any speed up to the highest; little of it sideways.
     let (mean_m_s, sigma_m_s) = (bank.max_speed_m_s / 3.0, bank.max_speed_m_s / 3.0);
-    let side_m_s = mean_m_s * bank.mounting_sigma_rad;
+    let side_m_s = mean_m_s * config.motion.mounting_sigma_rad;
     let sigmas = Vector6::new(side_m_s, side_m_s, sigma_m_s, 0.05, 0.3, 0.05);
     let velocity = Tangent::new(0.0, 0.0, mean_m_s, 0.0, 0.0, 0.0);
     let covariance = Matrix6::from_diagonal(&sigmas.component_mul(&sigmas));
-    State::new(rough.map_from_camera, &rough.covariance(), velocity, &covariance)
+    State::new(rough.map_from_camera, &rough.covariance(), velocity, &covariance, &config.motion, &config.odometry)
 }
 
 /// The region of a state, at least as wide as is worth a search.

@@ -10,6 +10,7 @@ use localizer::drive::{Drive, Source, image_size};
 use localizer::eval::{FrameError, score};
 use localizer::gps::simulate;
 use localizer::local_map::LocalMap;
+use localizer::odometry::OdometryLog;
 use localizer::output::Recorded;
 use localizer::projection::ImageSize;
 use localizer::run::{FrameFeatures, Localizer, Method, localize};
@@ -89,7 +90,8 @@ impl Seen {
             let poses: Vec<Pose> = first.iter().map(|frame| self.truth[*frame]).collect();
             let fixes = first.iter().copied().zip(simulate(&poses, &self.config.gps, seed)).collect();
             let localizer = Localizer::new(Method::Robust, &mut map, &self.drive.camera, self.image, &self.config);
-            let results = localize(&self.frames, &fixes, localizer).map_err(|error| error.to_string())?;
+            let results = localize(&self.frames, &fixes, &OdometryLog::default(), localizer)
+                .map_err(|error| error.to_string())?;
             let scored: Vec<Recorded> = results.iter().skip(START_FRAMES).map(Recorded::from).collect();
             errors.extend(score(&scored, &truth, &[]).into_iter().flat_map(|report| report.errors));
         }

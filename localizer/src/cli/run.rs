@@ -8,6 +8,7 @@ use nalgebra::Point2;
 use super::ConfigArgs;
 use super::input::{Input, InputArgs, simulated, started};
 use crate::estimate::Status;
+use crate::odometry::OdometryLog;
 use crate::overlay::{self, ProjectedShape};
 use crate::preselect::{Candidates, Lookup, Reach};
 use crate::projection::View;
@@ -27,6 +28,13 @@ pub struct RunArgs {
     /// frames.
     #[arg(long, value_name = "N", default_value_t = 0)]
     gps_seed: u64,
+    /// Wheels and gyroscope: lines `t_s,speed_m_s,yaw_rate_rad_s`, each the mean
+    /// since the line before.
+    #[arg(long, value_name = "FILE")]
+    odometry: Option<PathBuf>,
+    /// Let the fixes bound the pose all along, not only start it.
+    #[arg(long, requires = "gps")]
+    fuse_gps: bool,
     /// How frames are localized.
     #[arg(long, value_enum, default_value = "robust")]
     method: Method,
@@ -44,7 +52,9 @@ pub struct RunArgs {
 }
 
 pub fn execute(args: &RunArgs) -> Result<bool> {
-    let Some(config) = args.config.load()? else { return Ok(true) };
+    let Some(mut config) = args.config.load()? else { return Ok(true) };
+    config.gps.fuse |= args.fuse_gps;
+    let odometry = args.odometry.as_deref().map(OdometryLog::read).transpose()?.unwrap_or_default();
     let out = super::required(args.out.as_ref(), "--out")?;
     let mut input = args.input.read(&config, |_, frame, seen| {
         if let Some(folder) = &args.save_labels {
@@ -57,7 +67,7 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
         None => simulated(&input.frames, &args.input.true_poses(&input.drive)?, &config, args.gps_seed)?,
     };
     let localizer = Localizer::new(args.method, &mut input.map, &input.drive.camera, input.image, &config);
-    let results = localize(&input.frames, &fixes, localizer)?;
+    let results = localize(&input.frames, &fixes, &odometry, localizer)?;
     let read_of_atlas = input.map.usage();
     create(&out)?;
     output::write(&out, &results)?;

@@ -6,6 +6,7 @@ use common::geometry::Pose;
 use super::ConfigArgs;
 use super::input::{Input, InputArgs, simulated};
 use crate::eval::{Report, StageTime, score};
+use crate::odometry::OdometryLog;
 use crate::output::{Recorded, Timing};
 use crate::run::{Localizer, Method, localize};
 use crate::{Error, Result, config::Config};
@@ -78,7 +79,7 @@ fn name(method: Method) -> &'static str {
 fn localize_once(input: &mut Input, truth: &[Pose], method: Method, config: &Config, seed: u64) -> Result<Draw> {
     let fixes = simulated(&input.frames, truth, config, seed)?;
     let localizer = Localizer::new(method, &mut input.map, &input.drive.camera, input.image, config);
-    let results = localize(&input.frames, &fixes, localizer)?;
+    let results = localize(&input.frames, &fixes, &OdometryLog::default(), localizer)?;
     let scored = results.get(START_FRAMES.min(results.len())..).unwrap_or(&[]);
     let recorded: Vec<Recorded> = scored.iter().map(Recorded::from).collect();
     let timing: Vec<Timing> = scored

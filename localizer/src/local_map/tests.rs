@@ -84,7 +84,7 @@ fn drive(world: &World, map: &mut LocalMap, method: Method) -> Result<Vec<PoseEs
     let mut localizer = Localizer::new(method, map, &world.camera, IMAGE, &Config::default());
     let frame = |frame: usize| {
         let features = world.features(frame);
-        let input = FrameInput { time_s: time_s(frame), features: &features, gps: fixes.get(frame) };
+        let input = FrameInput { time_s: time_s(frame), features: &features, gps: fixes.get(frame), odometry: None };
         localizer.step(&input)
     };
     (0..world.truth.len()).map(frame).filter_map(Result::transpose).collect()

@@ -1,7 +1,7 @@
 //! One hypothesis: a filter, the evidence for it, and its last frame.
 
-use common::geometry::PoseParameters;
-use nalgebra::{Matrix6, Point3};
+use common::geometry::{PoseParameters, local};
+use nalgebra::{Cholesky, Point3};
 use serde::{Deserialize, Serialize};
 
 use crate::associate::matching::Scene;
@@ -10,8 +10,9 @@ use crate::associate::separation::separation_m;
 use crate::config::Config;
 use crate::estimate::Correspondence;
 use crate::filter::State;
-use crate::gps::GpsFix;
+use crate::gps::{GpsConfig, GpsFix};
 use crate::local_map::{LocalMap, RoadKey};
+use crate::odometry::Odometry;
 use crate::projection::View;
 use crate::solver::Prior;
 use crate::start::{StartConfig, is_alike, keep_on_road};
@@ -67,9 +68,6 @@ pub struct BankConfig {
     pub max_speed_m_s: f64,
     /// Highest speed of the vehicle in reverse, m/s.
     pub max_reverse_m_s: f64,
-    /// Standard deviation of the camera's direction against the driving
-    /// direction, radians.
-    pub mounting_sigma_rad: f64,
 }
 
 impl Default for BankConfig {
@@ -94,7 +92,6 @@ impl Default for BankConfig {
             alike_m_s: 2.0,
             max_speed_m_s: 45.0,
             max_reverse_m_s: 3.0,
-            mounting_sigma_rad: 0.05,
         }
     }
 }
@@ -111,6 +108,8 @@ impl BankConfig {
 pub struct Hypothesis {
     /// Pose and velocity.
     pub state: State,
+    /// The same before the last image was looked at.
+    predicted: State,
     /// What speaks for it: evidence with fading memory less the handicap, nats.
     pub log_weight: f64,
     /// The evidence before this frame.
@@ -147,21 +146,28 @@ pub struct Hypothesis {
 impl Hypothesis {
     /// A pose that the search found; its speed is that of the region.
     pub fn found(refined: &Refined, region: &State, handicap: f64, config: &Config) -> Self {
-        let velocity: Matrix6<f64> = region.covariance.fixed_view::<6, 6>(6, 6).into_owned();
         let pose = refined.covariance * config.robust.gate_inflation;
-        let state = State::new(refined.map_from_camera, &pose, region.velocity, &velocity);
+        let state = region.moved_to(refined.map_from_camera, &pose);
         let mut hypothesis = Self::blank(state, 0.0, handicap);
         hypothesis.speed_is_unknown = true;
         hypothesis.take(refined, refined.prior_cost);
         hypothesis
     }
 
-    /// A rival of `best` that moves as it does.
+    /// A rival of `best`. Either the motion changed since the frame before by
+    /// so much, and it pays what that costs; or the rival was beside it all
+    /// along, moves as it does, and pays for a jump.
     pub fn beside(best: &Self, rival: &Refined, jump_cost: f64) -> Self {
-        let mut state = best.state.clone();
-        state.update(&rival.map_from_camera, &rival.covariance);
-        state.velocity = best.state.velocity;
-        let mut hypothesis = Self::blank(state, best.past_weight, best.handicap + jump_cost);
+        let off = local(&best.predicted.map_from_camera, &rival.map_from_camera);
+        let turning = Cholesky::new(best.predicted.pose_covariance()).map(|factor| 0.5 * off.dot(&factor.solve(&off)));
+        let (state, cost) = if let Some(turning) = turning.filter(|cost| *cost < jump_cost) {
+            let mut turned = best.predicted.clone();
+            turned.update(&rival.map_from_camera, &rival.covariance);
+            (turned, turning)
+        } else {
+            (best.state.moved_to(rival.map_from_camera, &rival.covariance), jump_cost)
+        };
+        let mut hypothesis = Self::blank(state, best.past_weight, best.handicap + cost);
         hypothesis.speed_is_unknown = best.speed_is_unknown;
         hypothesis.take(rival, rival.prior_cost);
         hypothesis
@@ -169,6 +175,7 @@ impl Hypothesis {
 
     fn blank(state: State, past_weight: f64, handicap: f64) -> Self {
         Self {
+            predicted: state.clone(),
             state,
             log_weight: past_weight - handicap,
             past_weight,
@@ -217,13 +224,14 @@ impl Hypothesis {
     }
 
     /// Moves on by `dt_s` into `out`: once, or once for each speed while the
-    /// speed is unknown.
-    pub fn predict(mut self, dt_s: f64, config: &Config, out: &mut Vec<Self>) {
+    /// speed is unknown. Wheels, where there are any, say how fast it is.
+    pub fn predict(mut self, dt_s: f64, odometry: Option<&Odometry>, config: &Config, out: &mut Vec<Self>) {
         self.past_weight = (self.past_weight + self.evidence) * config.bank.memory;
         self.handicap *= config.bank.handicap_memory;
         self.age_frames += 1;
-        if !self.speed_is_unknown || dt_s <= 0.0 {
-            self.state = self.state.predicted(dt_s, &config.motion);
+        if !self.speed_is_unknown || dt_s <= 0.0 || odometry.is_some() {
+            self.speed_is_unknown &= odometry.is_none();
+            self.state = self.state.driven(dt_s, odometry, &config.motion, &config.odometry);
             out.push(self);
             return;
         }
@@ -242,17 +250,11 @@ impl Hypothesis {
             split.past_weight -= 0.5 * off * off + ((2 * reach + 1) as f64).ln();
             split.state.velocity[2] = speed_m_s;
             let known = (0.6 * step_m_s).min(sigma_m_s) / sigma_m_s.max(1e-9);
-            for i in 0..12 {
-                split.state.covariance[(8, i)] *= known;
-                split.state.covariance[(i, 8)] *= known;
-            }
-            let mounting = (speed_m_s.abs() * config.bank.mounting_sigma_rad).max(0.3);
+            split.state.sharpen(8, known);
+            let mounting = (speed_m_s.abs() * config.motion.mounting_sigma_rad).max(0.3);
             for i in [6, 7] {
                 let excess = (split.state.covariance[(i, i)].max(1e-12).sqrt() / mounting).max(1.0);
-                for j in 0..12 {
-                    split.state.covariance[(i, j)] /= excess;
-                    split.state.covariance[(j, i)] /= excess;
-                }
+                split.state.sharpen(i, 1.0 / excess);
             }
             split.state = split.state.predicted(dt_s, &config.motion);
             split.speed_is_unknown = false;
@@ -277,11 +279,20 @@ impl Hypothesis {
         let agreement = (own.yaw_rad - forward.x.atan2(forward.z)).cos();
         let pitch_rad = (-forward.y).clamp(-1.0, 1.0).asin() * agreement;
         let height_m = place.point_map.y - start.height_above_path_m;
-        // What the height is off by stays the same from frame to frame.
-        let height_sigma_m = start.height_sigma_m * start.height_frames.sqrt();
-        self.state.measure(1, height_m - own.y_m, height_sigma_m);
+        // What the road is off by stays the same for some frames.
+        let crossfall_m = start.crossfall * self.off_road_m;
+        let height_sigma_m = start.road_height_sigma_m.hypot(crossfall_m) * start.height_frames.sqrt();
+        self.state.measure_height(height_m - own.y_m, height_sigma_m);
         self.state.constrain(3, pitch_rad - own.pitch_rad, start.tilt_sigma_rad);
         self.state.constrain(5, -own.roll_rad, start.tilt_sigma_rad);
+    }
+
+    /// Keeps the position from wandering off further than a fix can be wrong.
+    pub fn constrain_to_fix(&mut self, fix: &GpsFix, config: &GpsConfig) {
+        if let Some([right_m, forward_m]) = fix.offset(&self.state, config) {
+            self.state.constrain(0, right_m, fix.horizontal_sigma_m);
+            self.state.constrain(2, forward_m, fix.horizontal_sigma_m);
+        }
     }
 
     /// Associates and localizes in the scene, and weighs the result. Matches
@@ -298,11 +309,13 @@ impl Hypothesis {
         self.correspondences.clear();
         let covariance = self.state.pose_covariance();
         let predicted = self.state.map_from_camera;
+        self.predicted.clone_from(&self.state);
         let prior = Prior::new(predicted, &covariance)?;
         let refined = associator.refine(scene, &predicted, &covariance, &prior, &config.robust, &config.solver)?;
         let beyond = (self.off_road_m - config.bank.road_m).max(0.0) / config.bank.off_road_sigma_m;
         let off_road = (0.5 * beyond * beyond).min(config.bank.max_surprise);
-        let gps_surprise = |pose| gps.map_or(0.0, |fix| fix.surprise(pose)).min(config.bank.max_surprise) + off_road;
+        let against = off_road + self.state.surprise.min(config.bank.max_surprise);
+        let surprise = |pose| gps.map_or(0.0, |fix| fix.surprise(pose)).min(config.bank.max_surprise) + against;
         if refined.gain < 0.0 || refined.prior_cost > config.bank.max_innovation {
             self.mean_square = 0.0;
             self.separation_m = 0.0;
@@ -310,12 +323,12 @@ impl Hypothesis {
             self.iterations = refined.iterations;
             self.converged = refined.converged;
             self.support = refined.support - associator.matcher.worth();
-            self.evidence = self.support - gps_surprise(&predicted);
+            self.evidence = self.support - surprise(&predicted);
             self.log_weight = self.past_weight + self.evidence - self.handicap;
             self.weak_frames += 1;
             return (refined.matches > 0).then_some(refined);
         }
-        self.take(&refined, refined.prior_cost + gps_surprise(&refined.map_from_camera));
+        self.take(&refined, refined.prior_cost + surprise(&refined.map_from_camera));
         self.state.update(&refined.map_from_camera, &refined.covariance);
         let held = associator.matcher.worth() >= config.health.min_worth;
         self.weak_frames = if held { 0 } else { self.weak_frames + 1 };

@@ -2,7 +2,7 @@
 //! the same place one delineator further.
 
 use common::geometry::{Tangent, local, retract};
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
 use super::hypothesis::Hypothesis;
@@ -36,9 +36,6 @@ pub struct RivalConfig {
     /// A pose found like that which lies nearer than this is the same, metres;
     /// turns count by how they shift what is [`Self::lever_m`] ahead.
     pub loose_distinct_m: f64,
-    /// What it pays to be tracked beside, nats: less than a jump, which lies
-    /// anywhere.
-    pub loose_cost: f64,
     /// The best of the shifted poses that are refined.
     pub refined: usize,
     /// A rival that has less support than the best by no more than this is
@@ -59,7 +56,6 @@ impl Default for RivalConfig {
             loose_m: 0.6,
             loose_rad: 0.05,
             loose_distinct_m: 0.25,
-            loose_cost: 4.0,
             refined: 2,
             spawn_margin: 6.0,
             distinct_m: 0.7,
@@ -76,14 +72,20 @@ impl RivalConfig {
     }
 }
 
-/// The direction in which the pose is least certain, as a shift of one metre
-/// (a turn by its effect at `lever_m`).
+/// The direction in which the place on the road is least certain, as a shift
+/// of one metre (a turn by its effect at `lever_m`): right, forward and yaw.
+/// Height and tilt are the road's.
 fn least_certain(covariance: &Matrix6<f64>, lever_m: f64) -> Tangent {
-    let scale = Vector6::new(1.0, 1.0, 1.0, lever_m, lever_m, lever_m);
-    let scaled = Matrix6::from_fn(|i, j| covariance[(i, j)] * scale[i] * scale[j]);
+    const OF_ROAD: [usize; 3] = [0, 2, 4];
+    let scale = Vector3::new(1.0, 1.0, lever_m);
+    let scaled = Matrix3::from_fn(|i, j| covariance[(OF_ROAD[i], OF_ROAD[j])] * scale[i] * scale[j]);
     let eigen = scaled.symmetric_eigen();
-    let largest = eigen.eigenvalues.imax();
-    eigen.eigenvectors.column(largest).component_div(&scale)
+    let direction = eigen.eigenvectors.column(eigen.eigenvalues.imax()).component_div(&scale);
+    let mut shift = Tangent::zeros();
+    for (value, component) in direction.iter().zip(OF_ROAD) {
+        shift[component] = *value;
+    }
+    shift
 }
 
 /// The refined rivals of `best` in this scene, all distinct from it.

@@ -1,0 +1,85 @@
+//! How a camera on a road vehicle moves.
+
+use serde::{Deserialize, Serialize};
+
+/// How a velocity component wanders.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AxisMotion {
+    /// Standard deviation of its change after one second of free wandering,
+    /// m/s or rad/s.
+    pub walk: f64,
+    /// Time after which it has fallen to 37 % by itself, seconds: springs and
+    /// dampers end a swaying, nothing ends driving on.
+    pub memory_s: f64,
+}
+
+/// Motion of the camera on a road vehicle, in the camera's axes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MotionConfig {
+    /// Sideways, beyond what turning and the mounting explain: slipping,
+    /// swaying.
+    pub right: AxisMotion,
+    /// Vertical: bumps of some centimetres at 1 to 2 Hz, mounting pitch times
+    /// speed.
+    pub down: AxisMotion,
+    /// Forward: accelerations of 1 to 2 m/s^2 that last a second; hard braking
+    /// is followed through the images.
+    pub forward: AxisMotion,
+    /// Pitching: half a degree at 1 to 2 Hz.
+    pub pitch: AxisMotion,
+    /// Turning: a corner is entered within half a second at up to 0.6 rad/s.
+    pub yaw: AxisMotion,
+    /// Rolling: as pitching.
+    pub roll: AxisMotion,
+    /// Distance by which a camera is ahead of the axle that does not steer,
+    /// metres: there a vehicle goes where it points.
+    pub lever_m: f64,
+    /// Standard deviation of that distance among vehicles, metres.
+    pub lever_sigma_m: f64,
+    /// Standard deviation of the camera's axis against the driving direction
+    /// of the vehicle, radians.
+    pub mounting_sigma_rad: f64,
+    /// Standard deviation of the direction in which that axle goes, radians:
+    /// the slip angle of tyres in a bend.
+    pub slip_sigma_rad: f64,
+    /// The same for speeds near zero, m/s.
+    pub slip_sigma_m_s: f64,
+    /// Standard deviation of the camera's height over the road against the
+    /// survey's, metres: another load, another rig of the same kind.
+    pub height_sigma_m: f64,
+}
+
+impl Default for MotionConfig {
+    fn default() -> Self {
+        let axis = |walk, memory_s| AxisMotion { walk, memory_s };
+        Self {
+            right: axis(0.6, 1.0),
+            down: axis(0.4, 1.0),
+            forward: axis(1.0, 60.0),
+            pitch: axis(0.08, 0.5),
+            yaw: axis(0.8, 3.0),
+            roll: axis(0.08, 0.5),
+            lever_m: 1.5,
+            lever_sigma_m: 0.7,
+            mounting_sigma_rad: 0.03,
+            slip_sigma_rad: 0.02,
+            slip_sigma_m_s: 0.05,
+            height_sigma_m: 0.15,
+        }
+    }
+}
+
+impl MotionConfig {
+    /// The motion over a stretch of which the mean speed and turn rate are
+    /// known: these do not wander.
+    pub(super) fn driven(&self) -> Self {
+        let still = |axis: AxisMotion| AxisMotion { walk: 0.0, ..axis };
+        Self { forward: still(self.forward), yaw: still(self.yaw), ..*self }
+    }
+
+    pub(super) fn axes(&self) -> [AxisMotion; 6] {
+        [self.right, self.down, self.forward, self.pitch, self.yaw, self.roll]
+    }
+}

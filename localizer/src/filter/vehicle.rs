@@ -1,0 +1,143 @@
+//! What the vehicle under the camera says about its motion: wheels and
+//! gyroscope, the axle that does not steer, the height over the road.
+
+use super::{BIAS, FORWARD, HEIGHT, LEVER, MOUNTING, MotionConfig, RIGHT, SCALE, State, VectorN, YAW_RATE};
+use crate::odometry::{Odometry, OdometryConfig};
+
+impl State {
+    /// The belief `dt_s` later, between which the odometry showed a mean
+    /// motion, if there is one: `z = v (1 + s)` of the wheels, `z = b - w` of the
+    /// gyroscope, whose left is the camera's negative turn about down.
+    #[must_use]
+    pub fn driven(
+        &self,
+        dt_s: f64,
+        odometry: Option<&Odometry>,
+        motion: &MotionConfig,
+        config: &OdometryConfig,
+    ) -> Self {
+        let Some(shown) = odometry else { return self.predicted(dt_s, motion) };
+        let mut state = self.clone();
+        // The mean of this stretch is not the mean of the one before.
+        state.covariance[(FORWARD, FORWARD)] += motion.forward.walk * motion.forward.walk * dt_s;
+        state.covariance[(YAW_RATE, YAW_RATE)] += motion.yaw.walk * motion.yaw.walk * dt_s;
+        let share = config.drift_per_minute * config.drift_per_minute * dt_s / 60.0;
+        state.covariance[(SCALE, SCALE)] += share * config.scale_sigma * config.scale_sigma;
+        state.covariance[(BIAS, BIAS)] += share * config.yaw_bias_sigma_rad_s * config.yaw_bias_sigma_rad_s;
+        let mut row = VectorN::zeros();
+        row[FORWARD] = 1.0 + state.wheel_scale;
+        row[SCALE] = state.velocity[2];
+        let expected_m_s = state.velocity[2] * (1.0 + state.wheel_scale);
+        let of_wheels = state.absorb(&row, shown.speed_m_s - expected_m_s, config.speed_sigma_m_s);
+        let mut row = VectorN::zeros();
+        row[YAW_RATE] = -1.0;
+        row[BIAS] = 1.0;
+        let expected_rad_s = state.yaw_bias_rad_s - state.velocity[4];
+        let of_gyro = state.absorb(&row, shown.yaw_rate_rad_s - expected_rad_s, config.yaw_rate_sigma_rad_s);
+        let mut state = state.predicted(dt_s, &motion.driven());
+        state.surprise += of_wheels + of_gyro;
+        state
+    }
+
+    /// Takes in that an axle that does not steer goes where it points: the
+    /// camera's velocity to the right is that of the lever's turning and of
+    /// the mounting, `v_x = l w + m v_z`, but for slip.
+    pub(super) fn roll_on_wheels(&mut self, motion: &MotionConfig) {
+        let (speed_m_s, turn_rad_s) = (self.velocity[2], self.velocity[4]);
+        let mut row = VectorN::zeros();
+        row[RIGHT] = 1.0;
+        row[YAW_RATE] = -self.lever_m;
+        row[LEVER] = -turn_rad_s;
+        row[FORWARD] = -self.mounting_rad;
+        row[MOUNTING] = -speed_m_s;
+        let expected_m_s = self.lever_m * turn_rad_s + self.mounting_rad * speed_m_s;
+        let sigma_m_s = motion.slip_sigma_m_s.hypot(motion.slip_sigma_rad * speed_m_s);
+        self.surprise += self.absorb(&row, expected_m_s - self.velocity[0], sigma_m_s);
+    }
+
+    /// Takes in that the survey's camera stood `below_m` below this one in this
+    /// place, known to `sigma_m`, but for what the camera always is higher.
+    pub fn measure_height(&mut self, below_m: f64, sigma_m: f64) {
+        let mut row = VectorN::zeros();
+        row[1] = 1.0;
+        row[HEIGHT] = 1.0;
+        self.surprise += self.absorb(&row, below_m - self.higher_m, sigma_m);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use common::geometry::{Tangent, local, retract};
+    use nalgebra::Matrix6;
+
+    use super::super::tests::state;
+    use super::*;
+
+    #[test]
+    fn wheels_and_gyroscope_carry_on_in_the_dark_and_are_calibrated_in_the_light() {
+        let (motion, config) = (MotionConfig::default(), OdometryConfig::default());
+        // The wheels show 1.5 % too much, the gyroscope 0.008 rad/s.
+        let shown = Odometry { speed_m_s: 12.0 * 1.015, yaw_rate_rad_s: 0.008 - 0.2 };
+        let mut truth = state();
+        truth.velocity[0] = 0.0;
+        let mut filter = truth.clone();
+        let mut frame = |filter: &mut State, is_seen: bool| {
+            truth.map_from_camera = retract(&truth.map_from_camera, &(truth.velocity * 0.1));
+            *filter = filter.driven(0.1, Some(&shown), &motion, &config);
+            if is_seen {
+                filter.update(&truth.map_from_camera, &(Matrix6::identity() * 1e-4));
+            }
+            local(&truth.map_from_camera, &filter.map_from_camera)
+        };
+        for _ in 0..100 {
+            frame(&mut filter, true);
+        }
+        assert!((filter.wheel_scale - 0.015).abs() < 0.005, "{}", filter.wheel_scale);
+        assert!((filter.yaw_bias_rad_s - 0.008).abs() < 0.003, "{}", filter.yaw_bias_rad_s);
+        let mut blind = filter.clone();
+        let mut off = Tangent::zeros();
+        for _ in 0..20 {
+            off = frame(&mut filter, false);
+            blind = blind.predicted(0.1, &motion);
+        }
+        let sigma_m = filter.covariance[(2, 2)].sqrt();
+        assert!(off[2].abs() < 3.0 * sigma_m && sigma_m < 0.2, "{} of {sigma_m}", off[2]);
+        assert!(blind.covariance[(2, 2)] > 25.0 * filter.covariance[(2, 2)]);
+    }
+
+    #[test]
+    fn a_vehicle_goes_where_its_axle_points_once_lever_and_mounting_are_known() {
+        let motion = MotionConfig::default();
+        let mut filter = state();
+        filter.velocity = Tangent::new(0.0, 0.0, 12.0, 0.0, 0.3, 0.0);
+        let (mut turning, mut truth) = (filter.clone(), filter.map_from_camera);
+        // The camera is 1.0 m ahead of the axle, and squints by 0.01 rad.
+        let twist = Tangent::new(0.3 * 1.0 + 0.01 * 12.0, 0.0, 12.0, 0.0, 0.3, 0.0);
+        for _ in 0..200 {
+            truth = retract(&truth, &(twist * 0.1));
+            turning = turning.predicted(0.1, &motion);
+            turning.update(&truth, &(Matrix6::identity() * 1e-4));
+        }
+        // A bend tells their sum, v_x = l w + m v_z.
+        let sideways_m_s = turning.lever_m * 0.3 + turning.mounting_rad * 12.0;
+        assert!((sideways_m_s - twist[0]).abs() < 0.05, "{sideways_m_s}");
+        assert!(turning.surprise < 1.0, "{}", turning.surprise);
+        // Sliding on at 2 m/s more is nothing that a vehicle does.
+        let slide = retract(&truth, &((twist + Tangent::x() * 2.0) * 0.1));
+        let expected = turning.predicted(0.1, &motion);
+        let off_m = local(&expected.map_from_camera, &slide)[0];
+        let sigma_m = expected.covariance[(0, 0)].sqrt();
+        assert!(off_m > 5.0 * sigma_m, "{off_m} m of {sigma_m} m");
+    }
+
+    #[test]
+    fn how_much_higher_the_camera_stands_is_learned() {
+        let mut filter = state();
+        for _ in 0..50 {
+            let seen = filter.map_from_camera;
+            filter.measure_height(0.12, 0.1);
+            filter.update(&seen, &(Matrix6::identity() * 1e-4));
+        }
+        assert!((filter.higher_m - 0.12).abs() < 0.03, "{}", filter.higher_m);
+    }
+}

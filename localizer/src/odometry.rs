@@ -1,0 +1,158 @@
+//! Wheels and gyroscope: how far the vehicle drove and turned between images.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Error, Result};
+
+/// Gaps up to this are rounding of the times in the files, seconds.
+const ROUNDING_S: f64 = 1e-3;
+
+/// How well wheels and gyroscope know the motion.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OdometryConfig {
+    /// Standard deviation of the speed over one frame, m/s: quantisation,
+    /// slip, and the camera's own swaying against the axle.
+    pub speed_sigma_m_s: f64,
+    /// Standard deviation of the scale of all speeds (share): tyres wear and
+    /// are inflated to within 2 %.
+    pub scale_sigma: f64,
+    /// Standard deviation of the yaw rate over one frame, rad/s, scale
+    /// included.
+    pub yaw_rate_sigma_rad_s: f64,
+    /// Standard deviation of the yaw rate's bias, rad/s: half a degree a
+    /// second, of a cheap gyroscope that just started.
+    pub yaw_bias_sigma_rad_s: f64,
+    /// Change of scale and of bias within a minute, as shares of their
+    /// standard deviations: temperature.
+    pub drift_per_minute: f64,
+}
+
+impl Default for OdometryConfig {
+    fn default() -> Self {
+        Self {
+            speed_sigma_m_s: 0.1,
+            scale_sigma: 0.02,
+            yaw_rate_sigma_rad_s: 0.01,
+            yaw_bias_sigma_rad_s: 0.01,
+            drift_per_minute: 0.1,
+        }
+    }
+}
+
+/// Mean motion of the vehicle between two images.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Odometry {
+    /// Forward speed, m/s, negative in reverse.
+    pub speed_m_s: f64,
+    /// Turn rate about the vehicle's vertical axis, rad/s, positive to the
+    /// left.
+    pub yaw_rate_rad_s: f64,
+}
+
+/// What wheels and gyroscope said along a drive.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct OdometryLog {
+    /// End of each step, seconds, ascending, and the mean motion since the end
+    /// of the step before.
+    steps: Vec<(f64, Odometry)>,
+}
+
+impl OdometryLog {
+    /// Reads lines `t_s,speed_m_s,yaw_rate_rad_s`, separated by commas or
+    /// blanks, each the mean since the line before; times are those of the
+    /// sequence's `times.txt`. A first line of names and lines that begin with
+    /// `#` are skipped.
+    ///
+    /// # Errors
+    /// [`Error::OdometryRow`] and [`Error::OdometryTime`] at their line, and
+    /// [`common::Error::Io`] or [`common::Error::BadNumber`].
+    pub fn read(path: &Path) -> Result<Self> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| common::Error::Io { path: path.to_path_buf(), source })?;
+        let mut steps: Vec<(f64, Odometry)> = Vec::new();
+        for (i, row) in text.lines().map(str::trim).enumerate() {
+            let line = i + 1;
+            if row.is_empty() || row.starts_with('#') || (i == 0 && row.starts_with(char::is_alphabetic)) {
+                continue;
+            }
+            let values = crate::gps::numbers(path, line, row)?;
+            let &[time_s, speed_m_s, yaw_rate_rad_s] = values.as_slice() else {
+                return Err(Error::OdometryRow { path: path.to_path_buf(), line, found: values.len() });
+            };
+            if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
+                return Err(crate::gps::bad_number(path, line, &bad.to_string()));
+            }
+            if steps.last().is_some_and(|(last_s, _)| time_s <= *last_s) {
+                return Err(Error::OdometryTime { path: path.to_path_buf(), line, time_s });
+            }
+            steps.push((time_s, Odometry { speed_m_s, yaw_rate_rad_s }));
+        }
+        Ok(Self { steps })
+    }
+
+    /// The mean motion from one time to another, seconds; none where the log
+    /// does not cover all of it.
+    pub fn between(&self, from_s: f64, to_s: f64) -> Option<Odometry> {
+        let first = self.steps.partition_point(|(end_s, _)| *end_s <= from_s);
+        let mut at_s = from_s;
+        let mut sum = Odometry { speed_m_s: 0.0, yaw_rate_rad_s: 0.0 };
+        // The first step of a log began one step earlier, as far as one knows.
+        let began_s = |i: usize| match i.checked_sub(1) {
+            Some(before) => Some(self.steps[before].0),
+            None => self.steps.get(1).map(|(next_s, _)| 2.0 * self.steps[0].0 - next_s),
+        };
+        for (i, (end_s, step)) in self.steps.iter().enumerate().skip(first) {
+            if at_s >= to_s || began_s(i)? > at_s + ROUNDING_S {
+                break;
+            }
+            let until_s = end_s.min(to_s);
+            sum.speed_m_s += step.speed_m_s * (until_s - at_s);
+            sum.yaw_rate_rad_s += step.yaw_rate_rad_s * (until_s - at_s);
+            at_s = until_s;
+        }
+        let span_s = at_s - from_s;
+        (span_s > 0.0 && at_s >= to_s - ROUNDING_S)
+            .then(|| Odometry { speed_m_s: sum.speed_m_s / span_s, yaw_rate_rad_s: sum.yaw_rate_rad_s / span_s })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_text(text: &str) -> Result<OdometryLog> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("odometry.csv");
+        std::fs::write(&path, text).unwrap();
+        OdometryLog::read(&path)
+    }
+
+    #[test]
+    fn the_mean_between_two_images_weighs_steps_by_their_share() {
+        let log = read_text("t_s,speed_m_s,yaw_rate_rad_s\n0.02,10,0.1\n0.04,12,0.1\n0.06 14 0.4\n").unwrap();
+        let mean = log.between(0.01, 0.05).unwrap();
+        assert!((mean.speed_m_s - (0.01 * 10.0 + 0.02 * 12.0 + 0.01 * 14.0) / 0.04).abs() < 1e-9);
+        assert!((mean.yaw_rate_rad_s - (0.03 * 0.1 + 0.01 * 0.4) / 0.04).abs() < 1e-9);
+        assert!(log.between(0.0, 0.06).is_some());
+    }
+
+    #[test]
+    fn what_the_log_does_not_cover_it_does_not_say() {
+        let log = read_text("1.0,10,0\n1.1,10,0\n1.2,10,0\n").unwrap();
+        assert_eq!(log.between(0.5, 1.1), None);
+        assert_eq!(log.between(1.1, 1.3), None);
+        assert_eq!(log.between(1.1, 1.1), None);
+        assert_eq!(OdometryLog::default().between(0.0, 1.0), None);
+    }
+
+    #[test]
+    fn a_bad_row_is_named_with_its_line() {
+        assert!(matches!(read_text("0.02,10,0\n0.04,10\n"), Err(Error::OdometryRow { line: 2, found: 2, .. })));
+        assert!(matches!(read_text("0.02,10,0\n0.02,10,0\n"), Err(Error::OdometryTime { line: 2, .. })));
+        assert!(read_text("0.02,10,nan\n").unwrap_err().to_string().to_lowercase().contains("nan"));
+        assert!(read_text("0.02,10,0\n0.04,ten,0\n").unwrap_err().to_string().contains("ten"));
+    }
+}

@@ -233,3 +233,16 @@ fn sigmoid_network(shape: [u8; 4]) -> Vec<u8> {
         .concat();
     [number(1, 8), message(7, &graph), message(8, &number(2, 17))].concat()
 }
+
+#[test]
+fn odometry_that_is_none() {
+    let root = plain();
+    let file = root.path().join("odometry.csv");
+    let labels = root.path().join("labels");
+    let words = ["--labels", text(&labels), "--odometry", text(&file)];
+    localize(root.path(), &words).refused(&["odometry.csv", "No such file"]);
+    std::fs::write(&file, "t_s,speed_m_s,yaw_rate_rad_s\n0.02,10,0\n0.04,10\n").unwrap();
+    localize(root.path(), &words).refused(&["odometry.csv line 3", "2 columns"]);
+    std::fs::write(&file, "0.04,10,0\n0.02,10,0\n").unwrap();
+    localize(root.path(), &words).refused(&["odometry.csv line 2", "sort the lines by time"]);
+}

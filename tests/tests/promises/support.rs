@@ -71,10 +71,14 @@ impl Demo {
 
     /// `localizer run` of its drive in a map.
     pub fn localize(&self, map: &Path, out: &Path) -> Ran {
+        self.localize_by(&self.file("drive/sequences/00/labels_2"), map, out, &[])
+    }
+
+    /// The same with other label images, and more words.
+    pub fn localize_by(&self, labels: &Path, map: &Path, out: &Path, more: &[&str]) -> Ran {
         let (drive, truth) = (self.file("drive"), self.file("drive/truth/poses.txt"));
-        let labels = self.file("drive/sequences/00/labels_2");
-        let words = ["run", "--map", text(map), "--kitti", text(&drive), "--sequence", "00", "--labels", text(&labels)];
-        run("localizer", &[&words[..], &["--truth", text(&truth), "--out", text(out)]].concat())
+        let words = ["run", "--map", text(map), "--kitti", text(&drive), "--sequence", "00", "--labels", text(labels)];
+        run("localizer", &[&words[..], &["--truth", text(&truth), "--out", text(out)], more].concat())
     }
 }
 

@@ -99,11 +99,27 @@ impl<'a> Tracker<'a> {
         self.prepared.fill(input.features);
         self.predict(dt_s, input.odometry.as_ref());
         self.follow_region(dt_s, input)?;
+        if self.prepared.is_empty() {
+            self.see_nothing(input.gps);
+            return Ok(self.speak(0.0));
+        }
         self.observe(input.gps)?;
         self.search_if_needed()?;
         self.prune();
         let margin = self.find_rivals()?;
         Ok(self.speak(margin))
+    }
+
+    /// A black image says nothing, least of all for empty places: predictions
+    /// stand.
+    fn see_nothing(&mut self, gps: Option<&GpsFix>) {
+        for hypothesis in &mut self.bank {
+            hypothesis.constrain_to_path(self.map, &self.candidates.roads, &self.config.start);
+            if let Some(fix) = gps.filter(|_| self.config.gps.fuse) {
+                hypothesis.constrain_to_fix(fix, &self.config.gps);
+            }
+            hypothesis.see_nothing();
+        }
     }
 
     /// Moves every hypothesis on; those that do not know their speed yet split

@@ -295,6 +295,15 @@ impl Hypothesis {
         }
     }
 
+    /// Lets a frame pass that shows nothing: the prediction stands.
+    pub fn see_nothing(&mut self) {
+        self.correspondences.clear();
+        (self.support, self.evidence, self.mean_square, self.separation_m, self.rms_px) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        (self.iterations, self.converged) = (0, false);
+        self.log_weight = self.past_weight - self.handicap;
+        self.weak_frames += 1;
+    }
+
     /// Associates and localizes in the scene, and weighs the result. Matches
     /// that are not worth the motion that they ask for are not believed: then
     /// the prediction stands, and the pose they ask for is returned, to be

@@ -137,6 +137,31 @@ fn black_images_are_survived() {
 }
 
 #[test]
+fn a_black_image_speaks_for_no_place() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let fixes = simulate(&world.truth[..2], &GpsConfig::default(), 1);
+    let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, &Config::default());
+    for frame in 0..20 {
+        let input = FrameInput {
+            time_s: time_s(frame),
+            features: &world.features(frame),
+            gps: fixes.get(frame),
+            odometry: None,
+        };
+        tracker.step(&input).unwrap();
+    }
+    let tracked = tracker.bank.len();
+    for frame in 20..30 {
+        let input = FrameInput { time_s: time_s(frame), features: &Features::default(), gps: None, odometry: None };
+        let status = tracker.step(&input).unwrap().unwrap().status;
+        assert!(status != Status::Ok);
+        // Neither for one of those tracked, nor for another beside them.
+        assert!(tracker.bank.len() == tracked && tracker.bank.iter().all(|tracked| tracked.evidence == 0.0));
+    }
+}
+
+#[test]
 fn dropped_and_doubled_frames_are_survived() {
     let world = World::new(street());
     // Three images are skipped at 40, the image of 80 is shown three times;

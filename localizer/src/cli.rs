@@ -1,7 +1,7 @@
 //! The command line: `run`, `trial`, `segment`, `eval`.
 
 mod eval;
-mod input;
+pub mod input;
 mod run;
 mod segment;
 mod trial;
@@ -35,7 +35,7 @@ enum Command {
 
 /// Where the settings come from.
 #[derive(Debug, Args)]
-struct ConfigArgs {
+pub struct ConfigArgs {
     /// TOML file with what differs from the defaults.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -46,7 +46,10 @@ struct ConfigArgs {
 
 impl ConfigArgs {
     /// The settings; none where they were to be printed, and are.
-    fn load(&self) -> Result<Option<Config>> {
+    ///
+    /// # Errors
+    /// As [`common::config::load`].
+    pub fn load(&self) -> Result<Option<Config>> {
         let config = match &self.config {
             Some(path) => common::config::load(path)?,
             None => Config::default(),

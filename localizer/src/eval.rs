@@ -14,6 +14,12 @@ use trust::Trust;
 pub const PAPER: PaperFigures =
     PaperFigures { rms_position_m: 0.345, share_under_half_metre: 0.90, mean_angle_rad: 0.019 };
 
+/// Frames that a run is started with, by GPS, and that are not scored.
+pub const START_FRAMES: usize = 2;
+/// A run is lost where its last frame is off by more than this, metres: half a
+/// lane.
+pub const LOST_M: f64 = 1.75;
+
 /// Figures of the paper.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PaperFigures {

@@ -7,7 +7,7 @@ use common::geometry::Pose;
 use common::map::{EncodeOptions, SemanticMap};
 use localizer::config::Config as LocalizerConfig;
 use localizer::drive::{Drive, Source, image_size};
-use localizer::eval::{FrameError, score};
+use localizer::eval::{FrameError, START_FRAMES, score};
 use localizer::gps::simulate;
 use localizer::local_map::LocalMap;
 use localizer::odometry::OdometryLog;
@@ -44,9 +44,6 @@ pub struct Measured {
     /// Share of frames off by less than half a metre.
     pub under_half_metre: f64,
 }
-
-/// Frames that a run is started with, which are not scored.
-const START_FRAMES: usize = 2;
 
 impl Seen {
     /// Looks at the label images of a sequence.

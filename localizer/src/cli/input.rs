@@ -61,12 +61,18 @@ pub struct Input {
 
 impl InputArgs {
     /// The drive.
+    ///
+    /// # Errors
+    /// As [`Drive::open`].
     pub fn open_drive(&self) -> Result<Drive> {
         let root = super::required(self.kitti.as_ref(), "--kitti")?;
         Drive::open(&root, &self.sequence, self.labels.as_deref(), self.first, self.last)
     }
 
     /// Where the features come from.
+    ///
+    /// # Errors
+    /// As [`Source::open`].
     pub fn open_source(&self) -> Result<Source> {
         let networks: Vec<&Path> =
             [&self.pole_net, &self.lane_net].into_iter().flatten().map(PathBuf::as_path).collect();
@@ -74,6 +80,9 @@ impl InputArgs {
     }
 
     /// Reads the map and looks at all images; `seen` is called for each frame.
+    ///
+    /// # Errors
+    /// Where an option is missing or a file cannot be read, and what `seen` says.
     pub fn read(&self, config: &Config, mut seen: impl FnMut(&Drive, usize, &Seen) -> Result<()>) -> Result<Input> {
         let map = LocalMap::open(&super::required(self.map.as_ref(), "--map")?, &config.local_map)?;
         let source = self.open_source()?;
@@ -101,6 +110,9 @@ impl InputArgs {
     }
 
     /// The true poses of all frames of the drive.
+    ///
+    /// # Errors
+    /// Where they cannot be read.
     pub fn true_poses(&self, drive: &Drive) -> Result<Vec<Pose>> {
         Ok(match &self.truth {
             Some(path) => drive.sequence.poses_from(path)?,
@@ -110,6 +122,9 @@ impl InputArgs {
 }
 
 /// Simulated fixes on the first of `frames`.
+///
+/// # Errors
+/// As [`started`].
 pub fn simulated(
     frames: &[FrameFeatures],
     truth: &[Pose],
@@ -127,6 +142,9 @@ pub fn simulated(
 }
 
 /// The fixes, if one of them lies on the frames.
+///
+/// # Errors
+/// [`Error::NoStart`] where none does.
 pub fn started(frames: &[FrameFeatures], fixes: BTreeMap<usize, GpsFix>) -> Result<BTreeMap<usize, GpsFix>> {
     let ends = frames.first().zip(frames.last()).map_or((0, 0), |(first, last)| (first.frame, last.frame));
     if frames.iter().any(|seen| fixes.contains_key(&seen.frame)) {

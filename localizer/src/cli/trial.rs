@@ -5,17 +5,11 @@ use common::geometry::Pose;
 
 use super::ConfigArgs;
 use super::input::{Input, InputArgs, simulated};
-use crate::eval::{Report, StageTime, score};
+use crate::eval::{LOST_M, Report, START_FRAMES, StageTime, score};
 use crate::odometry::OdometryLog;
 use crate::output::{Recorded, Timing};
 use crate::run::{Localizer, Method, localize};
 use crate::{Error, Result, config::Config};
-
-/// Frames that are started by GPS and not scored.
-const START_FRAMES: usize = 2;
-/// A run is lost where its last frame is off by more than this, metres: half a
-/// lane.
-const LOST_M: f64 = 1.75;
 
 /// Arguments of `localizer trial`.
 #[derive(Debug, Args)]

@@ -1,0 +1,213 @@
+//! What each step of the localizer beyond the paper is worth: the drive is
+//! localized with the step switched off, alone.
+//!
+//! Steps are switched off by settings, or by taking out of the features what
+//! the step would use. Keeping pitch and roll near the survey's path has no row:
+//! its setting is that of the search at the start, too.
+
+use clap::ValueEnum;
+use localizer::features::{Features, LineFeature};
+use localizer::run::Method;
+use localizer::solver::Loss;
+use serde::Serialize;
+
+use crate::trial::{Figures, Trial};
+
+/// A step beyond the paper.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Step {
+    /// Nothing is switched off.
+    None,
+    /// The paper's method instead of all.
+    Paper,
+    /// One hypothesis is tracked, not several.
+    Bank,
+    /// Poses a lane or a delineator beside the best are looked at.
+    Rivals,
+    /// The frame is also asked without most of the prediction.
+    Loose,
+    /// What fits as well elsewhere is tracked: rivals, and poses that matches
+    /// ask for which are not believed.
+    Jumps,
+    /// Matches far from the prediction are not believed.
+    Innovation,
+    /// Evidence counts over several frames.
+    Memory,
+    /// The start leaves several poses for the next frames to choose from.
+    Starts,
+    /// After a loss the search goes along the roads.
+    RoadSearch,
+    /// The camera's height is that of the survey.
+    Height,
+    /// Vehicles stay near roads and head along them.
+    Road,
+    /// Swaying dies out by itself.
+    Sway,
+    /// A pole's ends are looked for, not only its line.
+    Ends,
+    /// Lane lines are curves.
+    Curves,
+    /// Signs are of the size that they are mapped with.
+    Sizes,
+    /// Every feature has a standard deviation of its own, not its class's.
+    Sigmas,
+    /// What is far is seen less often.
+    Range,
+    /// What stands behind houses is seen less often.
+    Sight,
+    /// The robust loss.
+    Loss,
+    /// Matching is repeated with the pose that came of it.
+    Rounds,
+    /// Wrong pairs of a round are allowed for by wider gates in the next.
+    Gates,
+    /// Ok needs that no one object decides.
+    Separation,
+    /// Ok needs that residuals are as small as expected.
+    Residuals,
+    /// Ok needs a lead over all that is tracked beside.
+    Lead,
+    /// Ok needs support of this frame.
+    Support,
+    /// Ok needs some frames of tracking.
+    Verified,
+}
+
+/// No distance, angle or evidence reaches this.
+const NEVER: f64 = 1e9;
+
+impl Step {
+    /// The drive without this step.
+    #[must_use]
+    pub fn without(self, whole: &Trial) -> Trial {
+        let mut trial = whole.clone();
+        let config = &mut trial.config;
+        match self {
+            Self::None => {}
+            Self::Paper => trial.method = Method::Paper,
+            Self::Bank => (config.bank.capacity, config.bank.young_capacity) = (1, 1),
+            Self::Rivals => {
+                let rivals = &mut config.rivals;
+                for shifts_m in [&mut rivals.sideways_m, &mut rivals.along_m, &mut rivals.uncertain_m] {
+                    shifts_m.clear();
+                }
+            }
+            Self::Loose => config.rivals.loose_distinct_m = NEVER,
+            Self::Jumps => config.bank.jump_cost = NEVER,
+            Self::Innovation => config.bank.max_innovation = NEVER,
+            Self::Memory => config.bank.memory = 0.0,
+            Self::Starts => config.start.kept = 1,
+            Self::RoadSearch => config.start.grid_sigma_m = NEVER,
+            Self::Height => config.start.height_frames = NEVER,
+            Self::Road => (config.bank.road_m, config.start.road_heading_sigma_rad) = (NEVER, NEVER),
+            Self::Sway => {
+                let motion = &mut config.motion;
+                for axis in [&mut motion.right, &mut motion.down, &mut motion.pitch, &mut motion.yaw, &mut motion.roll]
+                {
+                    axis.memory_s = NEVER;
+                }
+            }
+            Self::Ends => config.noise.seen_end = 0.0,
+            Self::Curves => {
+                let lanes = trial.frames.iter_mut().flat_map(|seen| &mut seen.features.lanes);
+                lanes.for_each(|lane| lane.points_px.clear());
+            }
+            Self::Sizes => config.noise.max_size_ratio = NEVER,
+            Self::Sigmas => same_sigmas(&mut trial),
+            Self::Range => (config.detection.range_m, config.detection.low_range_m) = (NEVER, NEVER),
+            Self::Sight => config.detection.open_m = NEVER,
+            Self::Loss => config.solver.loss = Loss::Quadratic,
+            Self::Rounds => config.robust.max_rounds = 1,
+            Self::Gates => config.robust.gate_inflation = 1.0,
+            Self::Separation => config.health.max_separation_m = NEVER,
+            Self::Residuals => config.health.max_mean_square = NEVER,
+            Self::Lead => config.health.ok_lead = -NEVER,
+            Self::Support => config.health.min_support = -NEVER,
+            Self::Verified => config.health.verify_frames = 0,
+        }
+        trial
+    }
+
+    /// The word for it on the command line and in the table.
+    pub fn name(self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+}
+
+/// Gives all features of a class the median of the drive.
+fn same_sigmas(trial: &mut Trial) {
+    let median = |value: fn(&Features) -> Vec<f64>| {
+        let mut values: Vec<f64> = trial.frames.iter().flat_map(|seen| value(&seen.features)).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(1.0)
+    };
+    let pole = (
+        median(|seen| seen.poles.iter().map(|pole| pole.offset_sigma_px).collect()),
+        median(|seen| seen.poles.iter().map(|pole| pole.angle_sigma_rad).collect()),
+    );
+    let lane = (
+        median(|seen| seen.lanes.iter().map(|lane| lane.line.offset_sigma_px).collect()),
+        median(|seen| seen.lanes.iter().map(|lane| lane.line.angle_sigma_rad).collect()),
+    );
+    let sign_px = median(|seen| seen.signs.iter().map(|sign| sign.sigma_px).collect());
+    let set = |line: &mut LineFeature, to: (f64, f64)| (line.offset_sigma_px, line.angle_sigma_rad) = to;
+    for seen in &mut trial.frames {
+        seen.features.poles.iter_mut().for_each(|line| set(line, pole));
+        seen.features.lanes.iter_mut().for_each(|curve| set(&mut curve.line, lane));
+        seen.features.signs.iter_mut().for_each(|sign| sign.sigma_px = sign_px);
+    }
+}
+
+/// A row of the table.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Row {
+    /// What is switched off.
+    pub without: String,
+    /// What came of it.
+    #[serde(flatten)]
+    pub figures: Figures,
+}
+
+impl Row {
+    /// Localizes the drive without this step; none where nothing was localized.
+    ///
+    /// # Errors
+    /// As [`Trial::run`].
+    pub fn of(step: Step, whole: &Trial) -> localizer::Result<Option<Self>> {
+        let trial = step.without(whole);
+        let figures = trial.figures(&trial.run()?);
+        Ok(figures.map(|figures| Self { without: step.name(), figures }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::faults::made_up::clean;
+
+    #[test]
+    fn every_step_can_be_switched_off_alone() {
+        let whole = clean();
+        let all: Vec<Trial> = Step::value_variants().iter().map(|step| step.without(&whole)).collect();
+        for (i, trial) in all.iter().enumerate() {
+            let step = Step::value_variants()[i];
+            assert_eq!(*trial == whole, step == Step::None, "{}", step.name());
+            assert!(all[..i].iter().all(|other| other != trial), "{}", step.name());
+            // None touches what the run is scored against or started with.
+            assert_eq!((&trial.truth, &trial.fixes, &trial.map), (&whole.truth, &whole.fixes, &whole.map));
+            let settings = common::config::to_toml(&trial.config).unwrap();
+            assert!(!settings.is_empty(), "{}", step.name());
+        }
+    }
+
+    #[test]
+    fn without_sigmas_of_their_own_features_have_the_median_of_their_class() {
+        let whole = clean();
+        let trial = Step::Sigmas.without(&whole);
+        // The signs of frame i are known to i pixels.
+        let signs = trial.frames.iter().flat_map(|seen| &seen.features.signs);
+        assert!(signs.clone().count() > 0 && signs.clone().all(|sign| (sign.sigma_px - 150.0).abs() < 1e-12));
+        let same = |seen: &Features| seen.poles.iter().all(|pole| (pole.offset_sigma_px - 0.5).abs() < 1e-12);
+        assert!(trial.frames.iter().all(|seen| same(&seen.features)));
+    }
+}

@@ -1,0 +1,73 @@
+//! What comes of a drive where something goes wrong: one row for each fault.
+
+use std::process::ExitCode;
+
+use clap::{Parser, ValueEnum};
+use waymark_tests::cli::{Outcome, ended};
+use waymark_tests::faults::{Fault, Row};
+use waymark_tests::trial::{TrialArgs, stretches};
+
+/// Localizes a drive without fault and with each fault alone.
+///
+/// Hazardous are frames that are called ok and are off by 0.5 m or more.
+/// Frames to recover count from the end of the fault to the first frame that is
+/// called ok and is: the most of all stretches, and `never` if there is none.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Arguments {
+    #[command(flatten)]
+    of: TrialArgs,
+    /// Only these, separated by commas.
+    #[arg(long, value_name = "NAME,..", value_enum, value_delimiter = ',')]
+    only: Vec<Fault>,
+}
+
+fn main() -> ExitCode {
+    ended(run(&Arguments::parse()))
+}
+
+fn run(arguments: &Arguments) -> Outcome {
+    let Some(clean) = arguments.of.look.read()? else { return Ok(()) };
+    let seed = arguments.of.look.seed;
+    let faults = if arguments.only.is_empty() { Fault::value_variants() } else { &arguments.only };
+    if !arguments.of.json {
+        println!("{} frames, GPS start {seed}", clean.frames.len());
+        println!("{HEADER}");
+    }
+    let mut rows = Vec::new();
+    for &fault in faults {
+        let row = Row::of(fault, &clean, seed)?.ok_or_else(|| format!("{}: no frame was localized", fault.name()))?;
+        if arguments.of.json {
+            rows.push(row);
+            continue;
+        }
+        println!("{}", line(&row));
+        if arguments.of.list {
+            for stretch in stretches(&row.figures.hazards) {
+                println!("    {stretch}");
+            }
+        }
+    }
+    if arguments.of.json {
+        println!("{}", serde_json::to_string_pretty(&rows)?);
+    }
+    Ok(())
+}
+
+const HEADER: &str =
+    "fault             RMS m   max m  <0.5 m %  flagged %  hazardous  frames to recover  lost at the end";
+
+fn line(row: &Row) -> String {
+    let figures = &row.figures;
+    format!(
+        "{:<15} {:>7.3} {:>7.2} {:>9.1} {:>10.1} {:>10} {:>18} {:>16}",
+        row.fault,
+        figures.rms_m,
+        figures.max_m,
+        100.0 * figures.under_half_metre,
+        100.0 * figures.flagged,
+        figures.hazards.len(),
+        row.slowest_recovery(),
+        if figures.is_lost_at_end { "yes" } else { "no" }
+    )
+}

@@ -1,0 +1,206 @@
+//! What goes wrong in a vehicle, one thing at a time, and what the localizer
+//! makes of it.
+
+mod images;
+#[cfg(test)]
+pub(crate) mod made_up;
+mod signals;
+#[cfg(test)]
+mod tests;
+
+use clap::ValueEnum;
+use localizer::eval::FrameError;
+use localizer::run::FrameResult;
+use nalgebra::{UnitVector3, Vector3};
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
+use serde::Serialize;
+
+use crate::trial::{Figures, Trial, is_good};
+
+/// Length of a stretch in which the camera is black, frames.
+const BLACK_FRAMES: usize = 20;
+/// Stretches with a fault begin after this many frames ...
+const FIRST_BLACK: usize = 15;
+/// ... and again after so many.
+const BLACK_EVERY: usize = 100;
+/// Length of a stretch without poles, metres of the path.
+const BARE_M: f64 = 50.0;
+/// They begin after this way, metres ...
+const FIRST_BARE_M: f64 = 10.0;
+/// ... and again after as much.
+const BARE_EVERY_M: f64 = 150.0;
+/// By how much a kidnapped vehicle is taken to be elsewhere, metres and
+/// degrees: the range that learned methods are trained for.
+const KIDNAPPED_M: f64 = 3.5;
+const KIDNAPPED_DEG: f64 = 17.0;
+/// Every which frame is dropped or delivered twice.
+const EVERY_FIFTH: usize = 5;
+
+/// What goes wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Fault {
+    /// Nothing.
+    None,
+    /// A fifth of all features is false: lines and signs of the sizes found, at
+    /// random places.
+    #[value(name = "false-20")]
+    False20,
+    /// Two fifths of all features are false.
+    #[value(name = "false-40")]
+    False40,
+    /// Half of the features is missing, each by chance.
+    #[value(name = "missed-50")]
+    Missed50,
+    /// No lane line is ever seen.
+    NoLanes,
+    /// No pole is seen for 50 m, from 10 m on and again every 150 m.
+    NoPoles,
+    /// The camera is black for 20 frames, from the 16th on and again every 100.
+    Black,
+    /// The map is turned by 1 degree about the middle of the drive; the truth
+    /// is not, so the pose that fits the images is off by as much.
+    MapTurned,
+    /// The same, with a GPS fix a second, from which it could be told.
+    MapTurnedGps,
+    /// The camera stands 0.1 m to the right of where the calibration has it,
+    /// and is turned by 0.5 degrees to the right and up.
+    Extrinsics,
+    /// No fault, but a GPS fix a second.
+    Gps,
+    /// As `gps`, and every fifth fix is 20 m off.
+    GpsOutliers,
+    /// The focal lengths of the calibration are 1 % too long.
+    Intrinsics,
+    /// Every fifth frame is missing.
+    Dropped,
+    /// Every fifth frame comes twice, with the same time.
+    Doubled,
+    /// Every fifth frame comes again in the place and with the time of the
+    /// next, which is missing.
+    Stale,
+    /// The times of the frames are wrong by 50 ms, early and late in turns: a
+    /// clock that is off by always the same disturbs no camera.
+    Clock,
+    /// As `clock`, by 25 ms.
+    #[value(name = "clock-25")]
+    Clock25,
+    /// The first fix is 3.5 m and 17 degrees off and says so: two of its
+    /// standard deviations.
+    KidnappedStart,
+    /// As `black`, and then a fix that is 3.5 m and 17 degrees off.
+    Kidnapped,
+}
+
+/// A drive with a fault.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Faulty {
+    /// The drive as the localizer gets it.
+    pub trial: Trial,
+    /// The frames with which all is well again.
+    pub ends: Vec<usize>,
+}
+
+impl Fault {
+    /// The drive with this fault; the same for the same seed.
+    #[must_use]
+    pub fn applied(self, clean: &Trial, seed: u64) -> Faulty {
+        let mut trial = clean.clone();
+        let mut random = Pcg64::seed_from_u64(seed);
+        let mut ends = Vec::new();
+        let image = clean.image;
+        match self {
+            Self::None => {}
+            Self::False20 => images::each(&mut trial, |seen| images::add_false(seen, 0.2, image, &mut random)),
+            Self::False40 => images::each(&mut trial, |seen| images::add_false(seen, 0.4, image, &mut random)),
+            Self::Missed50 => images::each(&mut trial, |seen| images::miss(seen, 0.5, &mut random)),
+            Self::NoLanes => images::each(&mut trial, |seen| seen.lanes.clear()),
+            Self::NoPoles => ends = images::no_poles(&mut trial, FIRST_BARE_M, BARE_M, BARE_EVERY_M),
+            Self::Black => ends = images::black(&mut trial, FIRST_BLACK, BLACK_FRAMES, BLACK_EVERY),
+            Self::MapTurned => signals::turn_map(&mut trial, 1.0_f64.to_radians()),
+            Self::MapTurnedGps => {
+                signals::turn_map(&mut trial, 1.0_f64.to_radians());
+                signals::fix_each_second(&mut trial, seed);
+            }
+            Self::Extrinsics => {
+                let right_and_up = UnitVector3::new_normalize(Vector3::new(1.0, 1.0, 0.0));
+                signals::move_camera(&mut trial, Vector3::new(0.1, 0.0, 0.0));
+                let camera = trial.camera;
+                images::each(&mut trial, |seen| {
+                    images::turn(seen, &camera, &right_and_up, 0.5_f64.to_radians());
+                });
+            }
+            Self::Gps => signals::fix_each_second(&mut trial, seed),
+            Self::GpsOutliers => {
+                signals::fix_each_second(&mut trial, seed);
+                signals::add_outliers(&mut trial, 5, 20.0, &mut random);
+            }
+            Self::Intrinsics => signals::scale_focal_lengths(&mut trial, 1.01),
+            Self::Dropped => signals::drop_every(&mut trial, EVERY_FIFTH),
+            Self::Doubled => signals::double_every(&mut trial, EVERY_FIFTH),
+            Self::Stale => signals::hold_every(&mut trial, EVERY_FIFTH),
+            Self::Clock => signals::jitter(&mut trial, 0.05),
+            Self::Clock25 => signals::jitter(&mut trial, 0.025),
+            Self::KidnappedStart => {
+                let first = trial.frames.first().map(|seen| seen.frame);
+                trial.fixes.clear();
+                ends.extend(first);
+                signals::kidnap(&mut trial, &ends, KIDNAPPED_M, KIDNAPPED_DEG.to_radians(), &mut random);
+            }
+            Self::Kidnapped => {
+                ends = images::black(&mut trial, FIRST_BLACK, BLACK_FRAMES, BLACK_EVERY);
+                signals::kidnap(&mut trial, &ends, KIDNAPPED_M, KIDNAPPED_DEG.to_radians(), &mut random);
+            }
+        }
+        Faulty { trial, ends }
+    }
+
+    /// The word for it on the command line and in the table.
+    pub fn name(self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+}
+
+/// A row of the table.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Row {
+    /// What went wrong.
+    pub fault: String,
+    /// What came of it.
+    #[serde(flatten)]
+    pub figures: Figures,
+    /// For each end of the fault the frames until one is called ok and is: 0
+    /// where the first is; none where no frame is any more.
+    pub recovered_after: Vec<Option<usize>>,
+}
+
+impl Row {
+    /// Localizes the drive with this fault; none where nothing was localized.
+    ///
+    /// # Errors
+    /// As [`Trial::run`].
+    pub fn of(fault: Fault, clean: &Trial, seed: u64) -> localizer::Result<Option<Self>> {
+        let Faulty { trial, ends } = fault.applied(clean, seed);
+        let results = trial.run()?;
+        let errors = trial.errors(&results);
+        Ok(trial.figures(&results).map(|figures| Self {
+            fault: fault.name(),
+            figures,
+            recovered_after: ends.iter().map(|&end| recovered_after(end, &results, &errors)).collect(),
+        }))
+    }
+
+    /// The slowest recovery as a word.
+    pub fn slowest_recovery(&self) -> String {
+        if self.recovered_after.contains(&None) {
+            return "never".to_owned();
+        }
+        self.recovered_after.iter().flatten().max().map_or_else(|| "-".to_owned(), ToString::to_string)
+    }
+}
+
+/// Frames from `end` until one is called ok and is.
+fn recovered_after(end: usize, results: &[FrameResult], errors: &[FrameError]) -> Option<usize> {
+    let after = results.iter().zip(errors).filter(|(result, _)| result.frame >= end);
+    after.into_iter().position(|(result, error)| is_good(result, error))
+}

@@ -1,0 +1,112 @@
+//! Faults of what comes with the images: map, calibration, GPS, clock.
+
+use std::f64::consts::TAU;
+
+use common::geometry::{Pose, PoseParameters};
+use localizer::gps::{GpsFix, simulate};
+use nalgebra::{Translation3, UnitQuaternion, Vector3};
+use rand::RngExt;
+use rand_pcg::Pcg64;
+
+use crate::map_score::moved;
+use crate::trial::Trial;
+
+/// Turns the map to the right about the true position in the middle of the
+/// drive.
+pub(super) fn turn_map(trial: &mut Trial, angle_rad: f64) {
+    let middle = trial.frames.get(trial.frames.len() / 2).and_then(|seen| trial.truth.get(seen.frame));
+    let Some(centre) = middle.map(|pose| pose.translation) else { return };
+    let down = Vector3::y_axis();
+    let turn = Pose::from_parts(Translation3::identity(), UnitQuaternion::from_axis_angle(&down, angle_rad));
+    trial.map = moved(&trial.map, &(centre * turn * centre.inverse()));
+}
+
+/// Puts the real camera `by_m` from where the calibration has it (metres, its
+/// own axes), which is to put the calibrated one as far the other way.
+pub(super) fn move_camera(trial: &mut Trial, by_m: Vector3<f64>) {
+    trial.camera.from_reference_m += by_m;
+}
+
+/// Makes both focal lengths of the calibration wrong by a factor.
+pub(super) fn scale_focal_lengths(trial: &mut Trial, factor: f64) {
+    trial.camera.fx_px *= factor;
+    trial.camera.fy_px *= factor;
+}
+
+/// Adds a simulated fix each second after the start.
+pub(super) fn fix_each_second(trial: &mut Trial, seed: u64) {
+    let Some(first_s) = trial.frames.first().map(|seen| seen.time_s) else { return };
+    let mut due_s = first_s + 1.0;
+    let mut at = Vec::new();
+    for seen in trial.frames.iter().filter(|seen| trial.truth.len() > seen.frame) {
+        if seen.time_s >= due_s {
+            at.push(seen.frame);
+            due_s = first_s + (seen.time_s - first_s).floor() + 1.0;
+        }
+    }
+    let poses: Vec<Pose> = at.iter().map(|&frame| trial.truth[frame]).collect();
+    // Not the deviates that the start was drawn with.
+    let fixes = simulate(&poses, &trial.config.gps, !seed);
+    trial.fixes.extend(at.into_iter().zip(fixes));
+}
+
+/// Moves every which fix (the first of them from the start on) by so many
+/// metres into a random direction; it claims what it claimed before.
+pub(super) fn add_outliers(trial: &mut Trial, every: usize, off_m: f64, random: &mut Pcg64) {
+    for fix in trial.fixes.values_mut().skip(every - 1).step_by(every) {
+        let direction_rad = random.random_range(0.0..TAU);
+        fix.position_map += Vector3::new(direction_rad.sin(), 0.0, direction_rad.cos()) * off_m;
+    }
+}
+
+/// Gives these frames a fix that is so far off into a random direction and
+/// turned as much to one side, and claims half of that as its standard
+/// deviations.
+pub(super) fn kidnap(trial: &mut Trial, frames: &[usize], off_m: f64, turn_rad: f64, random: &mut Pcg64) {
+    for &frame in frames {
+        let Some(pose) = trial.truth.get(frame) else { continue };
+        let direction_rad = random.random_range(0.0..TAU);
+        let turn_rad = if random.random_bool(0.5) { turn_rad } else { -turn_rad };
+        let off = Vector3::new(direction_rad.sin(), 0.0, direction_rad.cos()) * off_m;
+        let fix = GpsFix {
+            position_map: (pose.translation.vector + off).into(),
+            horizontal_sigma_m: 0.5 * off_m,
+            heading: Some((PoseParameters::from_pose(pose).yaw_rad + turn_rad, 0.5 * turn_rad.abs())),
+        };
+        trial.fixes.insert(frame, fix);
+    }
+}
+
+/// Drops every which frame.
+pub(super) fn drop_every(trial: &mut Trial, every: usize) {
+    let mut index = 0;
+    trial.frames.retain(|_| {
+        index += 1;
+        index % every != 0
+    });
+}
+
+/// Delivers every which frame twice, at the same time.
+pub(super) fn double_every(trial: &mut Trial, every: usize) {
+    let frames = std::mem::take(&mut trial.frames);
+    for (index, frame) in frames.into_iter().enumerate() {
+        if index % every == every - 1 {
+            trial.frames.push(frame.clone());
+        }
+        trial.frames.push(frame);
+    }
+}
+
+/// Delivers what every which frame showed again, as the next frame.
+pub(super) fn hold_every(trial: &mut Trial, every: usize) {
+    for index in (every..trial.frames.len()).step_by(every) {
+        trial.frames[index].features = trial.frames[index - 1].features.clone();
+    }
+}
+
+/// Makes the times of the frames early and late in turns.
+pub(super) fn jitter(trial: &mut Trial, off_s: f64) {
+    for (index, frame) in trial.frames.iter_mut().enumerate() {
+        frame.time_s += if index % 2 == 0 { -off_s } else { off_s };
+    }
+}

@@ -1,0 +1,248 @@
+//! A drive that was looked at once, to be localized many times: with something
+//! wrong, or with a part of the localizer switched off.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use clap::Args;
+use common::geometry::{PinholeCamera, Pose};
+use common::map::SemanticMap;
+use localizer::cli::ConfigArgs;
+use localizer::cli::input::{InputArgs, simulated};
+use localizer::config::Config;
+use localizer::estimate::Status;
+use localizer::eval::{FrameError, LOST_M, START_FRAMES, StageTime, score};
+use localizer::gps::GpsFix;
+use localizer::local_map::LocalMap;
+use localizer::odometry::OdometryLog;
+use localizer::output::{Recorded, Timing};
+use localizer::projection::ImageSize;
+use localizer::run::{FrameFeatures, FrameResult, Localizer, Method, localize};
+use serde::Serialize;
+
+/// Position error that nobody should meet unwarned, metres.
+pub use localizer::eval::trust::ALERT_LIMIT_M;
+
+/// The drive, and how it is localized.
+#[derive(Debug, Args)]
+pub struct LookArgs {
+    #[command(flatten)]
+    input: InputArgs,
+    /// Seed of the simulated GPS start, and of whatever else is drawn.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// What wheels and gyroscope say: lines `t_s,speed_m_s,yaw_rate_rad_s`.
+    #[arg(long, value_name = "FILE")]
+    odometry: Option<PathBuf>,
+    #[command(flatten)]
+    config: ConfigArgs,
+}
+
+/// A drive for a table of many runs.
+#[derive(Debug, Args)]
+pub struct TrialArgs {
+    /// The drive.
+    #[command(flatten)]
+    pub look: LookArgs,
+    /// Print the table as JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Tell of the frames that are called ok and are off by 0.5 m or more: the
+    /// worst of each stretch of them.
+    #[arg(long)]
+    pub list: bool,
+}
+
+/// All that a run of the localizer takes in, and the truth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trial {
+    /// The map.
+    pub map: SemanticMap,
+    /// The camera, as the localizer is told of it.
+    pub camera: PinholeCamera,
+    /// Size of the images.
+    pub image: ImageSize,
+    /// What is seen, in the order in which it is delivered.
+    pub frames: Vec<FrameFeatures>,
+    /// GPS fixes by frame.
+    pub fixes: BTreeMap<usize, GpsFix>,
+    /// What wheels and gyroscope say.
+    pub odometry: OdometryLog,
+    /// `map_from_camera` of every frame of the sequence.
+    pub truth: Vec<Pose>,
+    /// Settings.
+    pub config: Config,
+    /// How it is localized.
+    pub method: Method,
+}
+
+impl LookArgs {
+    /// Looks at all images; none where the settings were to be printed, and are.
+    ///
+    /// # Errors
+    /// Where an option is missing or a file cannot be read.
+    pub fn read(&self) -> localizer::Result<Option<Trial>> {
+        let Some(config) = self.config.load()? else { return Ok(None) };
+        let input = self.input.read(&config, |_, _, _| Ok(()))?;
+        // The map as a whole, for it may be moved; `read` saw that it is given.
+        let map = self.input.map.as_ref().map(common::map::read).transpose()?.unwrap_or_default();
+        let truth = self.input.true_poses(&input.drive)?;
+        let fixes = simulated(&input.frames, &truth, &config, self.seed)?;
+        let mut frames = input.frames;
+        frames.retain(|seen| seen.frame < truth.len());
+        let odometry = self.odometry.as_deref().map(OdometryLog::read).transpose()?.unwrap_or_default();
+        let (camera, image) = (input.drive.camera, input.image);
+        Ok(Some(Trial { map, camera, image, frames, fixes, odometry, truth, config, method: Method::Robust }))
+    }
+}
+
+impl Trial {
+    /// Localizes the drive.
+    ///
+    /// # Errors
+    /// What the localizer says; a map in memory gives it no reason.
+    pub fn run(&self) -> localizer::Result<Vec<FrameResult>> {
+        let mut map = LocalMap::whole(self.map.clone());
+        localize(
+            &self.frames,
+            &self.fixes,
+            &self.odometry,
+            Localizer::new(self.method, &mut map, &self.camera, self.image, &self.config),
+        )
+    }
+
+    /// How far each result is off, in their order.
+    pub fn errors(&self, results: &[FrameResult]) -> Vec<FrameError> {
+        let error = |result: &FrameResult| {
+            let truth = self.truth.get(result.frame)?;
+            Some(FrameError::new(result.frame, truth, &result.estimate.map_from_camera))
+        };
+        results.iter().filter_map(error).collect()
+    }
+
+    /// The figures of a run; none where nothing was localized after the start.
+    pub fn figures(&self, results: &[FrameResult]) -> Option<Figures> {
+        let scored = results.get(START_FRAMES..)?;
+        let recorded: Vec<Recorded> = scored.iter().map(Recorded::from).collect();
+        let timing =
+            |r: &FrameResult| Timing { maps_ms: r.maps_ms, features_ms: r.features_ms, localize_ms: r.localize_ms };
+        let truth: Vec<Option<Pose>> = self.truth.iter().copied().map(Some).collect();
+        let report = score(&recorded, &truth, &scored.iter().map(timing).collect::<Vec<_>>())?;
+        let [ok, _, lost] = report.ok_degraded_lost?;
+        let count = report.frames as f64;
+        let hazards = scored.iter().zip(&report.errors).filter(|(r, e)| is_hazardous(r, e));
+        Some(Figures {
+            frames: report.frames,
+            rms_m: report.rms_position_m,
+            max_m: report.max_position_m,
+            under_half_metre: report.share_under_half_metre,
+            flagged: 1.0 - ok as f64 / count,
+            lost: lost as f64 / count,
+            mean_nees: report.trust.map(|trust| trust.mean_nees),
+            is_lost_at_end: report.errors.last().is_none_or(|error| error.position_m() > LOST_M),
+            hazards: hazards.map(|(result, error)| Hazard::new(result, error)).collect(),
+            time: report.localize,
+        })
+    }
+}
+
+/// It is called ok, and is off by more than anybody may be unwarned.
+fn is_hazardous(result: &FrameResult, error: &FrameError) -> bool {
+    result.estimate.status == Status::Ok && error.position_m() >= ALERT_LIMIT_M
+}
+
+/// It is called ok, and is.
+pub fn is_good(result: &FrameResult, error: &FrameError) -> bool {
+    result.estimate.status == Status::Ok && error.position_m() < ALERT_LIMIT_M
+}
+
+/// What a row of a table says.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Figures {
+    /// Frames that were scored.
+    pub frames: usize,
+    /// Root mean square of the position error, metres.
+    pub rms_m: f64,
+    /// Largest position error, metres.
+    pub max_m: f64,
+    /// Share of frames off by less than half a metre.
+    pub under_half_metre: f64,
+    /// Share of frames that are not called ok.
+    pub flagged: f64,
+    /// Share of frames that are called lost.
+    pub lost: f64,
+    /// Mean squared error of the ok frames, normalised by their covariance.
+    pub mean_nees: Option<f64>,
+    /// The last frame is off by more than half a lane.
+    pub is_lost_at_end: bool,
+    /// Frames that are called ok and are off by 0.5 m or more.
+    pub hazards: Vec<Hazard>,
+    /// Time for association and pose.
+    pub time: Option<StageTime>,
+}
+
+/// A frame that is called ok and is not.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Hazard {
+    /// By how much it is off.
+    pub error: FrameError,
+    /// What was claimed: standard deviations right, down, forward (m) and
+    /// about these axes (rad).
+    pub sigmas: [f64; 6],
+    /// What was matched: features that found a landmark.
+    pub correspondences: usize,
+    /// Support of the frame, nats.
+    pub support: f64,
+    /// Over the best rival, nats.
+    pub margin: f64,
+}
+
+impl Hazard {
+    fn new(result: &FrameResult, error: &FrameError) -> Self {
+        let estimate = &result.estimate;
+        Self {
+            error: *error,
+            sigmas: estimate.sigmas(),
+            correspondences: estimate.correspondences.len(),
+            support: estimate.support,
+            margin: estimate.margin,
+        }
+    }
+}
+
+/// Hazards further apart than this are told of each for itself, frames.
+const STRETCH_GAP: usize = 5;
+
+/// A line for each stretch of hazardous frames: where it is, and its worst.
+pub fn stretches(hazards: &[Hazard]) -> Vec<String> {
+    let is_near = |a: &Hazard, b: &Hazard| b.error.frame.saturating_sub(a.error.frame) <= STRETCH_GAP;
+    let line = |stretch: &[Hazard]| {
+        let (first, last) = (stretch.first()?, stretch.last()?);
+        let worst = stretch.iter().max_by(|a, b| a.error.position_m().total_cmp(&b.error.position_m()))?;
+        Some(format!("{} of the frames {} to {}; {worst}", stretch.len(), first.error.frame, last.error.frame))
+    };
+    hazards.chunk_by(is_near).filter_map(line).collect()
+}
+
+impl std::fmt::Display for Hazard {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (error, sigmas) = (&self.error, &self.sigmas);
+        write!(
+            f,
+            "frame {}: right {:+.2}, down {:+.2}, forward {:+.2} m, {:.3} rad; claimed right {:.2}, down {:.2}, \
+             forward {:.2} m, yaw {:.3} rad; {} matches, support {:.0}, margin {:.0}",
+            error.frame,
+            error.lateral_m,
+            error.vertical_m,
+            error.longitudinal_m,
+            error.angle_rad,
+            sigmas[0],
+            sigmas[1],
+            sigmas[2],
+            sigmas[4],
+            self.correspondences,
+            self.support,
+            self.margin
+        )
+    }
+}

@@ -99,27 +99,14 @@ impl<'a> Tracker<'a> {
         self.prepared.fill(input.features);
         self.predict(dt_s, input.odometry.as_ref());
         self.follow_region(dt_s, input)?;
+        self.observe(input.gps)?;
         if self.prepared.is_empty() {
-            self.see_nothing(input.gps);
             return Ok(self.speak(0.0));
         }
-        self.observe(input.gps)?;
         self.search_if_needed()?;
         self.prune();
         let margin = self.find_rivals()?;
         Ok(self.speak(margin))
-    }
-
-    /// A black image says nothing, least of all for empty places: predictions
-    /// stand.
-    fn see_nothing(&mut self, gps: Option<&GpsFix>) {
-        for hypothesis in &mut self.bank {
-            hypothesis.constrain_to_path(self.map, &self.candidates.roads, &self.config.start);
-            if let Some(fix) = gps.filter(|_| self.config.gps.fuse) {
-                hypothesis.constrain_to_fix(fix, &self.config.gps);
-            }
-            hypothesis.see_nothing();
-        }
     }
 
     /// Moves every hypothesis on; those that do not know their speed yet split
@@ -128,6 +115,16 @@ impl<'a> Tracker<'a> {
         let previous = std::mem::take(&mut self.bank);
         for hypothesis in previous {
             hypothesis.predict(dt_s, odometry, &self.config, &mut self.bank);
+        }
+    }
+
+    /// Keeps all hypotheses where a vehicle can be, and a fix allows.
+    fn constrain(&mut self, gps: Option<&GpsFix>) {
+        for hypothesis in &mut self.bank {
+            hypothesis.constrain_to_path(self.map, &self.candidates.roads, &self.config.start);
+            if let Some(fix) = gps.filter(|_| self.config.gps.fuse) {
+                hypothesis.constrain_to_fix(fix, &self.config.gps);
+            }
         }
     }
 
@@ -154,6 +151,12 @@ impl<'a> Tracker<'a> {
     fn observe(&mut self, gps: Option<&GpsFix>) -> Result<()> {
         let Some((centre, reach)) = self.bank_reach() else { return Ok(()) };
         self.select(&centre, &reach)?;
+        self.constrain(gps);
+        if self.prepared.is_empty() {
+            // A black image says nothing, least of all for empty places.
+            self.bank.iter_mut().for_each(Hypothesis::see_nothing);
+            return Ok(());
+        }
         let scene = Scene {
             camera: &self.camera,
             image: self.image,
@@ -164,10 +167,6 @@ impl<'a> Tracker<'a> {
         };
         let mut jumps = Vec::new();
         for hypothesis in &mut self.bank {
-            hypothesis.constrain_to_path(self.map, &self.candidates.roads, &self.config.start);
-            if let Some(fix) = gps.filter(|_| self.config.gps.fuse) {
-                hypothesis.constrain_to_fix(fix, &self.config.gps);
-            }
             if let Some(jump) = hypothesis.observe(&scene, &mut self.associator, gps, &self.config) {
                 jumps.push(Hypothesis::beside(hypothesis, &jump, self.config.bank.jump_cost));
             }

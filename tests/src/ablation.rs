@@ -41,6 +41,8 @@ pub enum Step {
     Height,
     /// Vehicles stay near roads and head along them.
     Road,
+    /// A vehicle goes where its axle points.
+    Wheels,
     /// Swaying dies out by itself.
     Sway,
     /// A pole's ends are looked for, not only its line.
@@ -100,6 +102,7 @@ impl Step {
             Self::RoadSearch => config.start.grid_sigma_m = NEVER,
             Self::Height => config.start.height_frames = NEVER,
             Self::Road => (config.bank.road_m, config.start.road_heading_sigma_rad) = (NEVER, NEVER),
+            Self::Wheels => (config.motion.slip_sigma_rad, config.motion.slip_sigma_m_s) = (NEVER, NEVER),
             Self::Sway => {
                 let motion = &mut config.motion;
                 for axis in [&mut motion.right, &mut motion.down, &mut motion.pitch, &mut motion.yaw, &mut motion.roll]

@@ -195,7 +195,7 @@ pub fn find_lanes(cloud: &Cloud, config: &Config) -> Vec<LanePiece> {
     let chains = join(&windows, &config.lanes);
     let pieces: Vec<Vec<LanePiece>> =
         chains.par_iter().map(|chain| describe(chain, &paint, cloud, &config.lanes)).collect();
-    without_doubles(pieces.into_iter().flatten().collect(), &config.lanes)
+    without_doubles(pieces, &config.lanes)
 }
 
 /// Shortest piece worth its vertices, metres.

@@ -127,6 +127,16 @@ pub struct LaneConfig {
     pub longest_gap_m: f64,
     /// Least distance of two lines, metres: double lines count as one.
     pub apart_m: f64,
+    /// Least distance of two lines that are told apart in a window where both
+    /// are painted, metres: narrow lines of 0.1 m a line's width apart, less
+    /// what registration and beams widen them.
+    pub least_pair_m: f64,
+    /// How much more paint the two must have than the one line that was found,
+    /// as a share of its own: a dashed line beside a solid one has a third.
+    pub least_pair_share: f64,
+    /// Most paint between the two, as a share of that on the weaker one: broad
+    /// lines are painted between their edges.
+    pub largest_between_share: f64,
     /// Lateral tolerance of the polyline, metres.
     pub tolerance_m: f64,
     /// Tolerance of the heights of the polyline, metres: at 10 m it is half a
@@ -185,6 +195,9 @@ impl Default for LaneConfig {
             largest_spread_m: 0.1,
             longest_gap_m: 13.0,
             apart_m: 0.4,
+            least_pair_m: 0.16,
+            least_pair_share: 0.3,
+            largest_between_share: 0.5,
             tolerance_m: 0.03,
             height_tolerance_m: 0.06,
             smooth_m: 4.0,

@@ -7,6 +7,7 @@ mod config;
 mod contrast;
 mod kinds;
 mod paint;
+mod pairs;
 mod piece;
 mod polyline;
 mod profile;

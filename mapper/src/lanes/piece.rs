@@ -63,14 +63,17 @@ impl LanePiece {
     }
 }
 
-/// The pieces without what runs along a longer one: chains that fork or
-/// overlap describe the same paint. What is left of a piece is one where it is
-/// as long as a line has to be.
-pub fn without_doubles(mut pieces: Vec<LanePiece>, config: &LaneConfig) -> Vec<LanePiece> {
+/// The pieces of all lines without what runs along that of a longer line:
+/// chains that fork or overlap describe the same paint, and the border of a
+/// hatched area ends with it while the line beside it goes on. What is left of
+/// a piece is one where it is as long as a line has to be.
+pub fn without_doubles(lines: Vec<Vec<LanePiece>>, config: &LaneConfig) -> Vec<LanePiece> {
+    let mut lines: Vec<(f64, Vec<LanePiece>)> =
+        lines.into_iter().map(|pieces| (pieces.iter().map(LanePiece::length_m).sum(), pieces)).collect();
     // Stable: of equals the first.
-    pieces.sort_by(|a, b| b.length_m().total_cmp(&a.length_m()));
+    lines.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut kept: Vec<LanePiece> = Vec::new();
-    for piece in pieces {
+    for piece in lines.into_iter().flat_map(|(_, pieces)| pieces) {
         let Some((from_m, to_m)) = piece.ends_m() else { continue };
         let is_known = |station_m: f64| {
             let is_near = |there: Point3<f64>| {
@@ -130,7 +133,8 @@ mod tests {
         let branch = piece((20.0, 60.0), (1.0, 4.0));
         let double = piece((10.0, 50.0), (1.1, 1.1));
         let neighbour = piece((0.0, 50.0), (4.5, 4.5));
-        let kept = without_doubles(vec![double, branch, neighbour.clone(), line.clone()], &config);
+        let lines = [double, branch, neighbour.clone(), line.clone()].map(|piece| vec![piece]);
+        let kept = without_doubles(lines.to_vec(), &config);
         assert_eq!((kept.len(), &kept[0], &kept[1]), (3, &line, &neighbour));
         let apart_m = kept[2].points_map[0].x - 1.0;
         assert!((config.apart_m..config.apart_m + 0.1).contains(&apart_m), "{kept:?}");

@@ -120,6 +120,23 @@ fn a_line_goes_straight_on_where_the_border_of_a_hatched_area_leaves_it() {
 }
 
 #[test]
+fn a_line_goes_on_where_a_border_runs_beside_it_and_hides_it_here_and_there() {
+    let mut street = Street::new();
+    paint(&mut street, (0.0, 60.0), |_| -1.65, |z| !(23.0..28.0).contains(&z) && !(33.0..36.0).contains(&z));
+    paint(&mut street, (18.0, 50.0), |_| -1.9, |_| true);
+    for k in 0..16 {
+        let z = 19.0 + f64::from(k) * 2.0;
+        for thick in [0.0, 0.15, 0.3, 0.45] {
+            paint_across(&mut street, z + thick, (-2.4 - 0.06 * (z - 18.0), -1.9));
+        }
+    }
+    // The far ends of the stripes make a line of their own.
+    let near: Vec<LanePiece> = found(street).into_iter().filter(|p| p.points_map[0].x > -2.2).collect();
+    assert!(near.len() == 1 && length_m(&near[0]) > 55.0, "{near:?}");
+    assert!(near[0].points_map.iter().all(|p| (p.x + 1.65).abs() < 0.05), "{near:?}");
+}
+
+#[test]
 fn a_ragged_strip_before_a_wall_is_no_line_and_symbols_on_both_sides_of_one_do_not_matter() {
     for (has_wall, lines) in [(true, 0), (false, 1)] {
         let mut street = Street::new();

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::LaneConfig;
 use super::paint::{Paint, PathPoint, between};
+use super::pairs::pair;
 
 /// A straight line of paint in a window: `offset = middle + slope * (station - centre)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,7 +31,7 @@ const MOST_LINES: usize = 12;
 const MOST_CANDIDATES: usize = 2000;
 /// Edge of the cells of offset in which lines are sought, metres: a third of
 /// the width of a line.
-const CELL_M: f64 = 0.04;
+pub(super) const CELL_M: f64 = 0.04;
 
 /// The lines in all windows, window by window.
 pub fn find_lines(paint: &Paint, from_m: f64, to_m: f64, config: &LaneConfig) -> Vec<Vec<WindowLine>> {
@@ -52,7 +53,7 @@ fn lines_in_window(all: &[PathPoint], centre_m: f64, config: &LaneConfig) -> Vec
     let mut thinned = thinned(all, centre_m, config);
     let mut lines: Vec<WindowLine> = Vec::new();
     for (candidate, _) in candidates(&thinned, centre_m, config).iter().take(MOST_CANDIDATES) {
-        if lines.len() == MOST_LINES {
+        if lines.len() >= MOST_LINES {
             break;
         }
         let is_known = |line: &WindowLine| {
@@ -65,12 +66,14 @@ fn lines_in_window(all: &[PathPoint], centre_m: f64, config: &LaneConfig) -> Vec
         if lines.iter().any(is_known) || significance(&thinned, candidate, config).is_none() {
             continue;
         }
-        let line = refine(&points, *candidate, config);
-        lines.push(line);
+        let line = refine(&points, *candidate, config.half_line_m, config);
+        let found = pair(&thinned, &line, config).map_or_else(|| vec![line], Vec::from);
         // What is explained, or too near to be another line, is spent.
-        let is_other = |p: &PathPoint| (p.offset_m - line.offset_m(p.station_m)).abs() > config.apart_m;
+        let is_other =
+            |p: &PathPoint| found.iter().all(|line| (p.offset_m - line.offset_m(p.station_m)).abs() > config.apart_m);
         points.retain(is_other);
         thinned.retain(is_other);
+        lines.extend(found);
     }
     lines
 }
@@ -92,7 +95,7 @@ fn thinned(points: &[PathPoint], centre_m: f64, config: &LaneConfig) -> Vec<Path
 }
 
 /// Number of the bin at a distance from the window's start, from 1.
-fn bin_of(from_start_m: f64, config: &LaneConfig) -> u16 {
+pub(super) fn bin_of(from_start_m: f64, config: &LaneConfig) -> u16 {
     (from_start_m / config.bin_m).max(0.0) as u16 + 1
 }
 
@@ -144,6 +147,12 @@ fn candidates(points: &[PathPoint], centre_m: f64, config: &LaneConfig) -> Vec<(
 /// By how many standard deviations a line has more paint on it than beside it;
 /// none where that is too little for a line.
 fn significance(points: &[PathPoint], line: &WindowLine, config: &LaneConfig) -> Option<f64> {
+    let [on, left, right] = votes_on(points, line, config);
+    more_than_beside(on, [left, right], config)
+}
+
+/// What is counted on a line, and to the left and to the right of it.
+pub(super) fn votes_on(points: &[PathPoint], line: &WindowLine, config: &LaneConfig) -> [Votes; 3] {
     let start_m = line.centre_m - config.window_m / 2.0;
     let mut votes = [Votes::default(); 3];
     for p in points {
@@ -155,10 +164,11 @@ fn significance(points: &[PathPoint], line: &WindowLine, config: &LaneConfig) ->
             }
         }
     }
-    more_than_beside(votes[0], [votes[1], votes[2]], config)
+    votes
 }
 
-fn more_than_beside(on: Votes, beside: [Votes; 2], config: &LaneConfig) -> Option<f64> {
+/// The same of what was counted on a line and on both of its sides.
+pub(super) fn more_than_beside(on: Votes, beside: [Votes; 2], config: &LaneConfig) -> Option<f64> {
     let least = config.least_painted * config.window_m / config.bin_m * config.fewest_bin_points;
     let sides = f64::midpoint(f64::from(beside[0].all), f64::from(beside[1].all));
     let more = f64::from(on.all) - sides;
@@ -169,8 +179,8 @@ fn more_than_beside(on: Votes, beside: [Votes; 2], config: &LaneConfig) -> Optio
 /// Points on a line, at most so many of each bin: paint is all along a line,
 /// and what is bright in one place only is none.
 #[derive(Debug, Clone, Copy, Default)]
-struct Votes {
-    all: u16,
+pub(super) struct Votes {
+    pub(super) all: u16,
     /// The bin of the last point, from 1: points come bin after bin.
     bin: u16,
     /// Points of it.
@@ -178,7 +188,7 @@ struct Votes {
 }
 
 impl Votes {
-    fn count(&mut self, bin: u16, most: u16) {
+    pub(super) fn count(&mut self, bin: u16, most: u16) {
         if self.bin != bin {
             (self.bin, self.here) = (bin, 0);
         }
@@ -189,13 +199,13 @@ impl Votes {
     }
 }
 
-/// Least squares through the points on a line, twice.
-fn refine(points: &[PathPoint], start: WindowLine, config: &LaneConfig) -> WindowLine {
+/// Least squares through the points within a half width of a line, twice.
+pub(super) fn refine(points: &[PathPoint], start: WindowLine, half_m: f64, config: &LaneConfig) -> WindowLine {
     let mut line = start;
     for _ in 0..2 {
         let (mut n, mut st, mut so, mut stt, mut sto) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for p in points {
-            if (p.offset_m - line.offset_m(p.station_m)).abs() <= config.half_line_m {
+            if (p.offset_m - line.offset_m(p.station_m)).abs() <= half_m {
                 let t = p.station_m - line.centre_m;
                 n += 1.0;
                 st += t;

@@ -17,6 +17,8 @@ pub(super) struct Hit {
     pub above_ground: f64,
     pub from_lidar: Vector2<f64>,
     pub scan: u16,
+    /// Elevation of the ray from the lidar, radians.
+    pub elevation_rad: f64,
     pub range: f64,
     pub reflectance: f32,
 }
@@ -25,13 +27,15 @@ impl Hit {
     pub fn new(p: &CloudPoint, cloud: &Cloud) -> Self {
         let sensor = cloud.sensor_map[usize::from(p.scan)];
         let at = Vector2::new(p.position.x, p.position.z);
-        let from_lidar = (at - Vector2::new(sensor.x, sensor.z)).try_normalize(1e-6).unwrap_or_else(Vector2::y);
+        let ray = at - Vector2::new(sensor.x, sensor.z);
+        let from_lidar = ray.try_normalize(1e-6).unwrap_or_else(Vector2::y);
         Self {
             at,
             height: -p.position.y,
             above_ground: f64::from(p.height_m),
             from_lidar,
             scan: p.scan,
+            elevation_rad: (sensor.y - p.position.y).atan2(ray.norm()),
             range: f64::from(p.range_m),
             reflectance: p.reflectance,
         }
@@ -183,35 +187,40 @@ struct OfScan {
 ///
 /// The pose of each scan errs by a few centimetres, and all its hits with it:
 /// that common shift is integrated out (Woodbury), so that a scan that saw the
-/// lower half and another that saw the upper one make no tilt.
+/// lower half and another that saw the upper one make no tilt. Each beam of a
+/// scan errs in its range by about as much, and again all its hits with it:
+/// along the view many hits of one beam say little more than one.
 pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, config: &PoleConfig) -> Axis {
     let mut axis = start;
     let middle = hits.iter().map(|h| h.height).sum::<f64>() / hits.len() as f64;
     let scans = hits.iter().map(|h| usize::from(h.scan) + 1).max().unwrap_or(0);
     let none = OfScan { weight: 0.0, row: Vector5::zeros(), value: 0.0 };
     let shift = config.pose_noise_m.powi(2);
+    let of_beam_m2: Vec<f64> =
+        hits_of_beam(hits, config).into_iter().map(|count| count * config.beam_noise_m.powi(2)).collect();
     for _ in 0..8 {
         let radius = radius_across(hits, &axis, config);
         let scale = config.hit_noise_m.powi(2) + (SHELL_SPREAD * radius).powi(2);
         let (mut h, mut g) = (Matrix5::zeros(), Vector5::zeros());
         let mut of_scans = vec![[none; 2]; scans];
-        for hit in hits {
+        for (hit, of_beam_m2) in hits.iter().zip(&of_beam_m2) {
             let scaled = axis.residual(hit).norm_squared() / (scale + shift);
-            let weight = (1.0 + scaled / 4.0).powi(2).recip() / scale;
+            let robust = (1.0 + scaled / 4.0).powi(2).recip();
             let t = hit.height - middle;
-            for (k, u) in [(0, hit.from_lidar.x), (1, hit.from_lidar.y)] {
-                // The row of this equation is 0 but for these.
-                let row = [(k, 1.0), (2 + k, t), (4, -u)];
+            let along = hit.from_lidar;
+            let across = Vector2::new(-along.y, along.x);
+            // The poles of a scan are seen in one direction: its shift may be
+            // told along the view and across it.
+            let equations = [(along, -1.0, robust / (scale + of_beam_m2)), (across, 0.0, robust / scale)];
+            for (k, (axis, of_surface, weight)) in equations.into_iter().enumerate() {
+                let row = Vector5::new(axis.x, axis.y, axis.x * t, axis.y * t, of_surface);
+                let value = hit.at.dot(&axis);
+                h += row * row.transpose() * weight;
+                g += row * (value * weight);
                 let sum = &mut of_scans[usize::from(hit.scan)][k];
-                for (a, of_a) in row {
-                    for (b, of_b) in row {
-                        h[(a, b)] += of_a * of_b * weight;
-                    }
-                    g[a] += of_a * (hit.at[k] * weight);
-                    sum.row[a] += of_a * weight;
-                }
+                sum.row += row * weight;
                 sum.weight += weight;
-                sum.value += hit.at[k] * weight;
+                sum.value += value * weight;
             }
         }
         for sum in of_scans.iter().flatten() {
@@ -238,6 +247,15 @@ pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, config: &PoleConf
             Axis { base: Vector2::new(s[0], s[1]) - slope * middle, slope, before_m: s[4].max(0.0), slope_covariance };
     }
     axis
+}
+
+/// For each hit, how many hits of its scan are of its beam, itself included.
+fn hits_of_beam(hits: &[Hit], config: &PoleConfig) -> Vec<f64> {
+    let beam = |hit: &Hit| (hit.scan, (hit.elevation_rad / config.beam_step_rad).round() as i64);
+    let mut beams: Vec<(u16, i64)> = hits.iter().map(beam).collect();
+    beams.sort_unstable();
+    let count = |of: (u16, i64)| beams.partition_point(|b| *b <= of) - beams.partition_point(|b| *b < of);
+    hits.iter().map(|hit| count(beam(hit)) as f64).collect()
 }
 
 /// Covariance of the slope from the information of all five; no knowledge at
@@ -293,4 +311,45 @@ fn layer(heights: &[f64], from: usize, thickness_m: f64) -> &[f64] {
 /// Place of a point above the ground plane.
 pub(super) fn above(at: Vector2<f64>) -> Point2<f64> {
     at.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three scans of an upright post 0.8 m high; its highest beam measures too far.
+    fn short_post(too_far_m: f64) -> Vec<Hit> {
+        let hit = |scan: u16, beam: u8, i: u8| {
+            let from_lidar = Vector2::new((0.2 * f64::from(scan)).sin(), (0.2 * f64::from(scan)).cos());
+            let across = Vector2::new(-from_lidar.y, from_lidar.x) * (0.012 * (f64::from(i) - 3.5));
+            let error_m = if beam == 3 { too_far_m } else { 0.0 };
+            let height = 0.2 * (1.0 + f64::from(beam));
+            Hit {
+                at: from_lidar * (error_m - 0.04) + across,
+                height,
+                above_ground: height,
+                from_lidar,
+                scan,
+                elevation_rad: 0.03 * f64::from(beam),
+                range: 8.0,
+                reflectance: 0.3,
+            }
+        };
+        (0..3).flat_map(|scan| (0..4).flat_map(move |beam| (0..8).map(move |i| hit(scan, beam, i)))).collect()
+    }
+
+    #[test]
+    fn the_error_of_one_beam_hardly_tilts_a_short_post_however_many_hits_it_has() {
+        let upright = Axis {
+            base: Vector2::zeros(),
+            slope: Vector2::zeros(),
+            before_m: 0.0,
+            slope_covariance: Matrix2::identity(),
+        };
+        let plumb = Plumb { slope: Vector2::zeros(), lean_rad: 0.01 };
+        let lean = |config: &PoleConfig| refine(&short_post(0.03), upright, &plumb, config).slope.norm();
+        let beams_alike = PoleConfig { beam_noise_m: 0.0, ..PoleConfig::default() };
+        let (known, alike) = (lean(&PoleConfig::default()), lean(&beams_alike));
+        assert!(known < 0.5 * alike && known < 0.005, "{known} {alike}");
+    }
 }

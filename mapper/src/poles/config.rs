@@ -45,6 +45,12 @@ pub struct PoleConfig {
     pub inlier_m: f64,
     /// Noise of a hit within its scan, metres: of its range and across its beam.
     pub hit_noise_m: f64,
+    /// Error of the range of one beam in one scan, metres: all its hits on a
+    /// pole share it. The lasers of a lidar differ by 2 to 3 cm.
+    pub beam_noise_m: f64,
+    /// Least angle between two beams, radians: hits of a scan within it are of
+    /// one beam.
+    pub beam_step_rad: f64,
     /// Noise of a scan's position, metres: all its hits share it.
     pub pose_noise_m: f64,
     /// How far the plumb line may be from the map's vertical, radians, one
@@ -210,6 +216,8 @@ impl Default for PoleConfig {
             beam_rad: 0.002,
             inlier_m: 0.2,
             hit_noise_m: 0.02,
+            beam_noise_m: 0.025,
+            beam_step_rad: 0.005,
             pose_noise_m: 0.02,
             usual_tilt_rad: 0.04,
             usual_lean_rad: 0.01,

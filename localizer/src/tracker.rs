@@ -301,7 +301,8 @@ impl<'a> Tracker<'a> {
     }
 
     /// Looks beside the best hypothesis for poses that explain the frame as
-    /// well; returns by how much support the best is ahead, nats.
+    /// well; returns by how much support the best is ahead, nats: in this
+    /// frame, or when it was last looked.
     fn find_rivals(&mut self) -> Result<f64> {
         let Some(best) = self.bank.first() else { return Ok(0.0) };
         let best = best.clone();
@@ -315,18 +316,24 @@ impl<'a> Tracker<'a> {
             noise: &self.config.noise,
             detection: &self.config.detection,
         };
-        let found = rivals::find(&scene, &best, &mut self.associator, &self.config);
+        // Asked too, in turn: where else it fits as well. A wrong lock lasts.
+        let is_due = best.margin.is_none() || best.age_frames.is_multiple_of(self.config.rivals.every_frames.max(1));
+        let found = is_due.then(|| rivals::find(&scene, &best, &mut self.associator, &self.config)).unwrap_or_default();
         let loose = rivals::find_loose(&scene, &best, &mut self.associator, &self.config);
         if let Some(loose) = loose.filter(|loose| loose.evidence() > best.evidence - self.config.rivals.spawn_margin) {
             self.add(Hypothesis::beside(&best, &loose, self.config.bank.jump_cost));
         }
-        let mut margin = f64::INFINITY;
+        let mut margin = best.margin.filter(|_| !is_due).unwrap_or(f64::INFINITY);
         for rival in found {
             let ahead = best.evidence - rival.evidence();
             margin = margin.min(ahead);
             if ahead < self.config.rivals.spawn_margin {
                 self.add(Hypothesis::beside(&best, &rival, self.config.bank.jump_cost));
             }
+        }
+        // What was added stands behind those that were tracked.
+        if let Some(best) = self.bank.first_mut() {
+            best.margin = Some(margin);
         }
         Ok(margin)
     }

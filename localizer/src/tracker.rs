@@ -318,7 +318,7 @@ impl<'a> Tracker<'a> {
         };
         // Asked too, in turn: where else it fits as well. A wrong lock lasts.
         let is_due = best.margin.is_none() || best.age_frames.is_multiple_of(self.config.rivals.every_frames.max(1));
-        let found = is_due.then(|| rivals::find(&scene, &best, &mut self.associator, &self.config)).unwrap_or_default();
+        let found = if is_due { rivals::find(&scene, &best, &mut self.associator, &self.config) } else { Vec::new() };
         let loose = rivals::find_loose(&scene, &best, &mut self.associator, &self.config);
         if let Some(loose) = loose.filter(|loose| loose.evidence() > best.evidence - self.config.rivals.spawn_margin) {
             self.add(Hypothesis::beside(&best, &loose, self.config.bank.jump_cost));

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use divan::{Bencher, black_box};
 use localizer::vision::config::{LaneConfig, PoleConfig, SignConfig};
-use localizer::vision::network::run_all;
+use localizer::vision::network::{Runtime, run_all};
 use localizer::vision::{Class, Network, Plane, ProbabilityMaps, RgbImage, VisionConfig};
 use localizer::vision::{extract, lanes, poles, read_png, signs};
 
@@ -24,12 +24,9 @@ fn image() -> Option<RgbImage> {
     read_png(data().join("kitti/sequences/04/image_2/000000.png")).ok()
 }
 
-fn network(name: &str) -> Option<Network> {
-    let network = Network::load(data().join("models").join(name)).ok();
-    if network.is_none() {
-        eprintln!("no networks in WAYMARK_DATA: nothing to time");
-    }
-    network
+fn network(name: &str, runtime: Runtime) -> Option<Network> {
+    let network = Network::load(data().join("models").join(name), runtime);
+    network.inspect_err(|error| eprintln!("nothing to time: {error}")).ok()
 }
 
 const POLES: &str = "espnetv2_cityscapes_384x1248.onnx";
@@ -37,7 +34,8 @@ const LANES: &str = "twinlitenet_lane_384x1248.onnx";
 
 /// The maps of the frame, or poles and lanes drawn with straight edges.
 fn maps() -> ProbabilityMaps {
-    if let (Some(image), Some(poles), Some(lanes)) = (image(), network(POLES), network(LANES))
+    if let (Some(image), Some(poles), Some(lanes)) =
+        (image(), network(POLES, Runtime::Rten), network(LANES, Runtime::Rten))
         && let Ok(maps) = run_all(&[poles, lanes], &image)
     {
         return maps;
@@ -58,7 +56,17 @@ fn maps() -> ProbabilityMaps {
 
 #[divan::bench(args = [POLES, LANES], sample_count = 10)]
 fn run_network(bencher: Bencher, name: &str) {
-    if let (Some(network), Some(image)) = (network(name), image()) {
+    time_network(bencher, name, Runtime::Rten);
+}
+
+#[cfg(feature = "ort")]
+#[divan::bench(args = [POLES, LANES], sample_count = 10)]
+fn run_network_by_onnx_runtime(bencher: Bencher, name: &str) {
+    time_network(bencher, name, Runtime::Ort);
+}
+
+fn time_network(bencher: Bencher, name: &str, runtime: Runtime) {
+    if let (Some(network), Some(image)) = (network(name, runtime), image()) {
         bencher.bench_local(|| {
             let mut maps = ProbabilityMaps::zeros(image.width(), image.height());
             network.run(black_box(&image), &mut maps).map(|()| maps)

@@ -10,7 +10,8 @@ use crate::features::Features;
 use crate::projection::ImageSize;
 use crate::vision::config::Ground;
 use crate::vision::image::{check_calibration, check_size};
-use crate::vision::{Network, ProbabilityMaps, RgbImage, VisionConfig, labels, network, read_png};
+use crate::vision::network::{self, Network, Runtime};
+use crate::vision::{ProbabilityMaps, RgbImage, VisionConfig, labels, read_png};
 use crate::{Error, Result};
 
 /// The camera of KITTI that is used: left, colour.
@@ -48,11 +49,14 @@ impl Source {
     /// # Errors
     /// [`Error::NoFeatureSource`] where neither is given, and as
     /// [`Network::load`].
-    pub fn open(networks: &[&Path], labels: Option<&Path>) -> Result<Self> {
+    pub fn open(networks: &[&Path], runtime: Runtime, labels: Option<&Path>) -> Result<Self> {
         match labels {
             Some(folder) => Ok(Self::Labels(folder.into())),
             None if networks.is_empty() => Err(Error::NoFeatureSource),
-            None => Ok(Self::Networks(networks.iter().map(Network::load).collect::<std::result::Result<_, _>>()?)),
+            None => {
+                let loaded = networks.iter().map(|path| Network::load(path, runtime));
+                Ok(Self::Networks(loaded.collect::<std::result::Result<_, _>>()?))
+            }
         }
     }
 }

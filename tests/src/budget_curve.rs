@@ -14,6 +14,7 @@ use localizer::odometry::OdometryLog;
 use localizer::output::Recorded;
 use localizer::projection::ImageSize;
 use localizer::run::{FrameFeatures, Localizer, Method, localize};
+use localizer::vision::network::Runtime;
 use mapper::budget::{Coder, Detail, Known};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -53,7 +54,7 @@ impl Seen {
     pub fn read(root: &Path, sequence: &str, labels: &Path, truth: &Path) -> Result<Self, String> {
         let say = |error: localizer::Error| error.to_string();
         let config = LocalizerConfig::default();
-        let source = Source::open(&[], Some(labels)).map_err(say)?;
+        let source = Source::open(&[], Runtime::default(), Some(labels)).map_err(say)?;
         let drive = Drive::open(root, sequence, Some(labels), 0, None).map_err(say)?;
         let truth = common::kitti::read_poses(truth).map_err(|error| error.to_string())?;
         let mut frames = Vec::with_capacity(drive.frames.len());

@@ -13,6 +13,7 @@ use crate::gps::{GpsFix, simulate};
 use crate::local_map::LocalMap;
 use crate::projection::ImageSize;
 use crate::run::FrameFeatures;
+use crate::vision::network::Runtime;
 use crate::{Error, Result};
 
 /// The drive and where its features come from.
@@ -33,6 +34,10 @@ pub struct InputArgs {
     /// Network for lane lines (.onnx).
     #[arg(long, value_name = "FILE", conflicts_with = "labels")]
     pub lane_net: Option<PathBuf>,
+    /// What runs the networks; `ort` needs a program built with the feature
+    /// `ort`, and the library that `ORT_DYLIB_PATH` names.
+    #[arg(long, value_enum, default_value_t)]
+    pub runtime: Runtime,
     /// Folder with probability images made before, instead of networks.
     #[arg(long, value_name = "DIR")]
     pub labels: Option<PathBuf>,
@@ -76,7 +81,7 @@ impl InputArgs {
     pub fn open_source(&self) -> Result<Source> {
         let networks: Vec<&Path> =
             [&self.pole_net, &self.lane_net].into_iter().flatten().map(PathBuf::as_path).collect();
-        Source::open(&networks, self.labels.as_deref())
+        Source::open(&networks, self.runtime, self.labels.as_deref())
     }
 
     /// Reads the map and looks at all images; `seen` is called for each frame.

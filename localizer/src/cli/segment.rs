@@ -7,6 +7,7 @@ use clap::Args;
 use super::input::progress;
 use crate::Result;
 use crate::drive::{Drive, Source};
+use crate::vision::network::Runtime;
 use crate::vision::{VisionConfig, labels};
 
 /// Arguments of `localizer segment`.
@@ -24,6 +25,10 @@ pub struct SegmentArgs {
     /// Network for lane lines (.onnx).
     #[arg(long, value_name = "FILE")]
     lane_net: Option<PathBuf>,
+    /// What runs the networks; `ort` needs a program built with the feature
+    /// `ort`, and the library that `ORT_DYLIB_PATH` names.
+    #[arg(long, value_enum, default_value_t)]
+    runtime: Runtime,
     /// First frame.
     #[arg(long, value_name = "F", default_value_t = 0)]
     first: usize,
@@ -37,7 +42,7 @@ pub struct SegmentArgs {
 
 pub fn execute(args: &SegmentArgs) -> Result<bool> {
     let networks: Vec<&Path> = [&args.pole_net, &args.lane_net].into_iter().flatten().map(PathBuf::as_path).collect();
-    let source = Source::open(&networks, None)?;
+    let source = Source::open(&networks, args.runtime, None)?;
     let drive = Drive::open(&args.kitti, &args.sequence, None, args.first, args.last)?;
     let bar = progress(drive.frames.len(), "segment");
     let mut size = None;

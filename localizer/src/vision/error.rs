@@ -96,6 +96,16 @@ pub enum Error {
         /// What the runtime says.
         message: String,
     },
+    /// A runtime that this program or this machine does not have.
+    #[error("networks cannot be run with `--runtime {runtime}`: {message}; {remedy}, or leave the option out")]
+    NoRuntime {
+        /// The value of `--runtime`.
+        runtime: &'static str,
+        /// What is missing.
+        message: String,
+        /// What to do about it.
+        remedy: &'static str,
+    },
     /// A network that nothing is known about.
     #[error("{} is no known network (its inputs and outputs are {signature}); describe it in {}", path.display(), description.display())]
     UnknownNetwork {

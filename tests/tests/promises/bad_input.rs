@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use common::map::{EncodeOptions, SemanticMap};
 
-use crate::support::{CALIBRATION, Ran, build, plain, run, text};
+use crate::support::{CALIBRATION, Ran, build, plain, run, run_with, text};
 
 /// `mapper build` of every scan of sequence 04.
 fn build_of(root: &Path, more: &[&str]) -> Ran {
@@ -189,6 +189,20 @@ fn a_label_image_of_another_size() {
     }
     let ran = localize(root.path(), &["--labels", text(&labels)]);
     ran.refused(&["pole/000002.png has 1242x376 px where 1226x370", "give images"]);
+}
+
+/// Built with the feature `ort` or without it.
+#[test]
+fn a_runtime_that_is_not_there() {
+    let root = plain();
+    let network = root.path().join("tiny.onnx");
+    std::fs::write(&network, sigmoid_network([1, 3, 4, 8])).unwrap();
+    let library = root.path().join("libnone.so");
+    std::fs::write(&library, "no library").unwrap();
+    let words = ["segment", "--runtime", "ort", "--kitti", text(root.path()), "--pole-net", text(&network)];
+    let out = root.path().join("out");
+    let ran = run_with(("ORT_DYLIB_PATH", text(&library)), "localizer", &[&words[..], &["--out", text(&out)]].concat());
+    ran.refused(&["`--runtime ort`", "leave the option out"]);
 }
 
 #[test]

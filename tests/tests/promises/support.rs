@@ -46,6 +46,12 @@ pub fn run(program: &str, words: &[&str]) -> Ran {
     Ran::new(&Command::new(env!("CARGO_BIN_EXE_tool")).arg(program).args(words).output().unwrap())
 }
 
+/// The same with a variable of the environment.
+pub fn run_with((name, value): (&str, &str), program: &str, words: &[&str]) -> Ran {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_tool"));
+    Ran::new(&command.env(name, value).arg(program).args(words).output().unwrap())
+}
+
 /// `mapper build` of a sequence to a map.
 pub fn build(root: &Path, sequence: &str, map: &Path, more: &[&str]) -> Ran {
     let words = ["build", "--kitti", text(root), "--sequence", sequence, "--out", text(map)];

@@ -10,28 +10,26 @@
 
 mod denormals;
 mod resample;
+mod runtime;
 mod signature;
 mod spec;
 
 use std::path::{Path, PathBuf};
 
-use rten::{Model, NodeId, Value};
-use rten_tensor::prelude::{AsView as _, Layout as _};
-use rten_tensor::{NdTensor, Tensor};
-
+pub use runtime::Runtime;
 pub use spec::{Activation, ChannelOrder, ClassChannels, Fit, Layout, NetworkSpec};
 
 use super::{Class, Error, ProbabilityMaps, RgbImage};
 use resample::View;
-use signature::Signature;
+use runtime::{Model, Tensor};
 
 /// A network that is ready to run.
 pub struct Network {
     path: PathBuf,
-    model: Model,
+    model: Box<dyn Model>,
     spec: NetworkSpec,
-    input: NodeId,
-    output: NodeId,
+    /// Which input and which output of the model, from 0.
+    ends: (usize, usize),
     /// Width and height of the input, pixels.
     size: (usize, usize),
 }
@@ -41,16 +39,17 @@ impl Network {
     ///
     /// # Errors
     /// [`common::Error`] where a file cannot be read or the description has an
-    /// unknown key, [`Error::LoadNetwork`] where the runtime cannot read the
-    /// network, [`Error::UnknownNetwork`] where it has no description and is
+    /// unknown key, [`Error::NoRuntime`] where there is no such runtime,
+    /// [`Error::LoadNetwork`] where it cannot read the network,
+    /// [`Error::UnknownNetwork`] where it has no description and is
     /// none of the known ones, [`Error::NetworkMismatch`] where it and its
     /// description contradict each other.
-    pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
+    pub fn load(path: impl AsRef<Path>, runtime: Runtime) -> Result<Self, Error> {
         let path = path.as_ref();
         let mut bytes = std::fs::read(path).map_err(common::Error::io(path))?;
         denormals::flush(&mut bytes);
-        let model = Model::load(bytes).map_err(|e| Error::LoadNetwork { path: path.into(), message: e.to_string() })?;
-        let signature = Signature::of(&model);
+        let model = runtime.load(path, bytes)?;
+        let signature = model.signature();
         let description = path.with_extension("toml");
         let spec = if description.exists() {
             common::config::load::<NetworkSpec>(&description)?
@@ -61,13 +60,13 @@ impl Network {
                 description: description.clone(),
             })?
         };
-        let (input, output, size) = signature.matched(&spec).map_err(|message| Error::NetworkMismatch {
+        let (ends, size) = signature.matched(&spec).map_err(|message| Error::NetworkMismatch {
             path: path.into(),
             message,
             signature: signature.to_string(),
             description,
         })?;
-        Ok(Self { path: path.into(), model, spec, input, output, size })
+        Ok(Self { path: path.into(), model, spec, ends, size })
     }
 
     /// The classes that it tells about.
@@ -90,13 +89,9 @@ impl Network {
             Layout::Nchw => [1, 3, self.size.1, self.size.0],
             Layout::Nhwc => [1, self.size.1, self.size.0, 3],
         };
-        let input = NdTensor::from_data(shape, data);
         let failed = |message: String| Error::RunNetwork { path: self.path.clone(), message };
-        let outputs = self
-            .model
-            .run(vec![(self.input, input.view().into())], &[self.output], None)
-            .map_err(|e| failed(e.to_string()))?;
-        let scores = Scores::new(outputs, self.spec.layout).map_err(failed)?;
+        let output = self.model.run(self.ends, shape, data).map_err(failed)?;
+        let scores = Scores::new(output, self.spec.layout).map_err(failed)?;
         for class in self.classes() {
             let values = scores.probabilities(self.spec.classes.of(class), self.spec.activation).map_err(failed)?;
             maps.set(class, resample::to_plane(&values, scores.size, &view, image_size))?;
@@ -127,10 +122,8 @@ struct Scores {
 }
 
 impl Scores {
-    fn new(outputs: Vec<Value>, layout: Layout) -> Result<Self, String> {
-        let tensor: Tensor<f32> =
-            outputs.into_iter().next().and_then(Value::into_tensor).ok_or("its output holds no 32-bit floats")?;
-        let shape = tensor.shape().to_vec();
+    fn new(output: Tensor, layout: Layout) -> Result<Self, String> {
+        let Tensor { shape, values } = output;
         let [1, a, b, c] = shape[..] else {
             return Err(format!("its output has shape {shape:?} where 1 image of 3 axes is needed"));
         };
@@ -145,7 +138,7 @@ impl Scores {
             Layout::Nchw => (height * width, 1),
             Layout::Nhwc => (1, channels),
         };
-        Ok(Self { values: tensor.into_data(), channels, size: (width, height), strides })
+        Ok(Self { values, channels, size: (width, height), strides })
     }
 
     /// The summed probability of some channels, per pixel, row by row.

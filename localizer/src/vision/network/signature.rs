@@ -1,43 +1,29 @@
 //! What a network says about its inputs and outputs, and whether that fits
 //! its description.
 
-use rten::{Dimension, Model, NodeId, NodeInfo};
-
 use super::spec::{Layout, NetworkSpec};
 use crate::vision::Class;
 
-/// The inputs and outputs of a network: name, node, shape (0 where open).
+/// The inputs and outputs of a network: name and shape (0 where open).
 pub(super) struct Signature {
-    inputs: Vec<(String, NodeId, Vec<usize>)>,
-    outputs: Vec<(String, NodeId, Vec<usize>)>,
+    pub(super) inputs: Vec<(String, Vec<usize>)>,
+    pub(super) outputs: Vec<(String, Vec<usize>)>,
 }
 
-impl Signature {
-    pub(super) fn of(model: &Model) -> Self {
-        let describe = |&id: &NodeId| {
-            let info = model.node_info(id);
-            let name = info.as_ref().and_then(NodeInfo::name).unwrap_or_default().to_owned();
-            let shape = info.and_then(|info| info.shape()).unwrap_or_default();
-            let fixed = |d: &Dimension| if let Dimension::Fixed(size) = d { *size } else { 0 };
-            (name, id, shape.iter().map(fixed).collect())
-        };
-        Self {
-            inputs: model.input_ids().iter().map(describe).collect(),
-            outputs: model.output_ids().iter().map(describe).collect(),
-        }
-    }
+/// Input and output, from 0; width and height of the input, pixels.
+pub(super) type Matched = ((usize, usize), (usize, usize));
 
+impl Signature {
     pub(super) fn known(&self) -> Option<NetworkSpec> {
         match (&self.inputs[..], &self.outputs[..]) {
-            ([(_, _, input)], [(output, _, shape)]) if matches!(input[..], [1, 3, _, _]) => {
-                NetworkSpec::known(output, shape)
-            }
+            ([(_, input)], [(output, shape)]) if matches!(input[..], [1, 3, _, _]) => NetworkSpec::known(output, shape),
             _ => None,
         }
     }
 
-    /// Input, output, and the input's width and height; else what does not fit.
-    pub(super) fn matched(&self, spec: &NetworkSpec) -> Result<(NodeId, NodeId, (usize, usize)), String> {
+    /// Which input and which output, and the input's width and height; else
+    /// what does not fit.
+    pub(super) fn matched(&self, spec: &NetworkSpec) -> Result<Matched, String> {
         if let Some(message) = spec.contradiction() {
             return Err(message);
         }
@@ -63,18 +49,14 @@ impl Signature {
                 return Err(format!("`classes` names channel {largest} and the output has {channels}, counted from 0"));
             }
         }
-        Ok((input, output, size))
+        Ok(((input, output), size))
     }
 }
 
-fn pick<'a>(
-    nodes: &'a [(String, NodeId, Vec<usize>)],
-    wanted: &str,
-    what: &str,
-) -> Result<(NodeId, &'a [usize]), String> {
-    let mut fitting = nodes.iter().filter(|(name, ..)| wanted.is_empty() || name == wanted);
+fn pick<'a>(nodes: &'a [(String, Vec<usize>)], wanted: &str, what: &str) -> Result<(usize, &'a [usize]), String> {
+    let mut fitting = nodes.iter().enumerate().filter(|(_, (name, _))| wanted.is_empty() || name == wanted);
     match (fitting.next(), fitting.next()) {
-        (Some((_, id, shape)), None) => Ok((*id, shape)),
+        (Some((index, (_, shape))), None) => Ok((index, shape)),
         (None, _) => Err(format!("it has no {what} `{wanted}`")),
         (Some(_), Some(_)) => Err(format!("it has {} {what}s and `{what}` names none of them", nodes.len())),
     }
@@ -92,7 +74,7 @@ fn size_of(key: &str, described: usize, stated: usize) -> Result<usize, String> 
 
 impl std::fmt::Display for Signature {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        for (i, (name, _, shape)) in self.inputs.iter().chain(&self.outputs).enumerate() {
+        for (i, (name, shape)) in self.inputs.iter().chain(&self.outputs).enumerate() {
             let separator = if i == 0 { "" } else { ", " };
             let shape: Vec<String> =
                 shape.iter().map(|&d| if d == 0 { "?".to_owned() } else { d.to_string() }).collect();

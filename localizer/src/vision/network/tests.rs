@@ -51,7 +51,7 @@ impl Folder {
         if let Some(toml) = toml {
             std::fs::write(path.with_extension("toml"), toml).unwrap();
         }
-        Network::load(path)
+        Network::load(path, Runtime::default())
     }
 
     fn refusal(&self, toml: &str) -> String {
@@ -118,7 +118,7 @@ fn what_is_no_network_is_refused() {
     let whole = sigmoid_network("scores", [1, 3, 4, 8]);
     for bytes in [&b""[..], b"hello, this is text", &whole[..whole.len() / 2]] {
         std::fs::write(&path, bytes).unwrap();
-        let error = Network::load(&path).err().unwrap().to_string();
+        let error = Network::load(&path, Runtime::default()).err().unwrap().to_string();
         assert!(error.contains("broken.onnx"), "{error}");
     }
 }
@@ -138,7 +138,7 @@ fn shared() -> Option<PathBuf> {
 fn the_known_networks_need_no_description_and_find_a_real_lamp_post_and_lane() {
     let Some(shared) = shared() else { return };
     let networks = ["espnetv2_cityscapes_384x1248.onnx", "twinlitenet_lane_384x1248.onnx"]
-        .map(|name| Network::load(shared.join("models").join(name)).unwrap());
+        .map(|name| Network::load(shared.join("models").join(name), Runtime::default()).unwrap());
     let image = crate::vision::read_png(shared.join("kitti/sequences/04/image_2/000000.png")).unwrap();
     let maps = run_all(&networks, &image).unwrap();
     let features = crate::vision::extract(&maps, &crate::vision::VisionConfig::default());
@@ -151,4 +151,31 @@ fn the_known_networks_need_no_description_and_find_a_real_lamp_post_and_lane() {
     let near = |line: &crate::features::LineFeature, u: f64, v: f64| (column_at(line, v) - u).abs() < 2.0;
     assert!(features.poles.iter().any(|pole| near(pole, 800.3, 100.0) && pole.length_px() > 200.0));
     assert!(features.lanes.iter().any(|lane| near(&lane.line, 471.0, 328.0)));
+}
+
+#[cfg(feature = "ort")]
+#[test]
+fn both_runtimes_give_the_same_probabilities() {
+    let Some(shared) = shared() else { return };
+    if std::env::var_os("ORT_DYLIB_PATH").is_none() {
+        println!("no ONNX Runtime (set ORT_DYLIB_PATH): not tested with it");
+        return;
+    }
+    let load = |runtime| {
+        ["espnetv2_cityscapes_384x1248.onnx", "twinlitenet_lane_384x1248.onnx"]
+            .map(|name| Network::load(shared.join("models").join(name), runtime).unwrap())
+    };
+    let (built_in, other) = (load(Runtime::Rten), load(Runtime::Ort));
+    for frame in ["000000", "000040"] {
+        let image = shared.join(format!("kitti/sequences/04/image_2/{frame}.png"));
+        let image = crate::vision::read_png(image).unwrap();
+        let maps = [&built_in, &other].map(|networks| run_all(networks, &image).unwrap());
+        for class in Class::ALL {
+            let [a, b] = maps.each_ref().map(|maps| maps.plane(class).data());
+            let off = a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max();
+            let count = a.iter().zip(b).filter(|(a, b)| a != b).count();
+            println!("frame {frame}, {class:?}: largest difference {off:?} of 255, at {count} of {} pixels", a.len());
+            assert!(off <= Some(1));
+        }
+    }
 }

@@ -65,8 +65,12 @@ pub enum Step {
     Gates,
     /// Ok needs that no one object decides.
     Separation,
+    /// Ok needs that residuals are as small as expected.
+    Residuals,
     /// Ok needs a lead over all that is tracked beside.
     Lead,
+    /// Ok needs support of this frame.
+    Support,
     /// Ok needs some frames of tracking.
     Verified,
 }
@@ -119,7 +123,9 @@ impl Step {
             Self::Rounds => config.robust.max_rounds = 1,
             Self::Gates => config.robust.gate_inflation = 1.0,
             Self::Separation => config.health.max_separation_m = NEVER,
+            Self::Residuals => config.health.max_mean_square = NEVER,
             Self::Lead => config.health.ok_lead = -NEVER,
+            Self::Support => config.health.min_support = -NEVER,
             Self::Verified => config.health.verify_frames = 0,
         }
         trial

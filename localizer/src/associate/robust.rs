@@ -49,6 +49,9 @@ pub struct Refined {
     pub matches: usize,
     /// Root mean square of the matched distances, pixels.
     pub rms_px: f64,
+    /// Mean of the squared whitened distances of the matches: 1 where the
+    /// standard deviations are right.
+    pub mean_square: f64,
     /// Iterations over all rounds.
     pub iterations: usize,
     /// The last round reached a minimum.
@@ -126,7 +129,7 @@ impl Associator {
         self.matcher.observations(&mut self.observations, &mut self.groups);
         let error = local(&prior.map_from_camera, &solution.map_from_camera);
         let posterior_ln = Cholesky::new(covariance).map_or(0.0, |factor| factor.ln_determinant());
-        let rms_px = self.rms_px(scene, &solution.map_from_camera);
+        let (rms_px, mean_square) = self.residuals(scene, &solution.map_from_camera);
         let prior_cost = 0.5 * error.dot(&(prior.information * error));
         let occam = (0.5 * (posterior_ln + prior_factor.ln_determinant())).min(0.0);
         Some(Refined {
@@ -138,17 +141,24 @@ impl Associator {
             gain: self.matcher.worth() - prior_cost + occam,
             matches: self.matcher.matches.len(),
             rms_px,
+            mean_square,
             iterations,
             converged: solution.converged,
         })
     }
 
-    /// Root mean square distance of the observations at a pose, pixels.
-    fn rms_px(&self, scene: &Scene<'_>, pose: &Pose) -> f64 {
+    /// Root mean square distance (px) and mean squared whitened distance.
+    fn residuals(&self, scene: &Scene<'_>, pose: &Pose) -> (f64, f64) {
         let view = crate::projection::View::new(scene.camera, pose);
-        let distances_px = self.observations.iter().filter_map(|observation| observation.distance_px(&view));
-        let (square, count) = distances_px.fold((0.0, 0.0), |(square, count), px| (square + px * px, count + 1.0));
-        if count > 0.0 { (square / count).sqrt() } else { 0.0 }
+        let (mut square, mut whitened, mut count) = (0.0, 0.0, 0.0);
+        for observation in &self.observations {
+            if let Some(distance_px) = observation.distance_px(&view) {
+                square += distance_px * distance_px;
+                whitened += (distance_px / observation.sigma_px).powi(2);
+                count += 1.0;
+            }
+        }
+        if count > 0.0 { ((square / count).sqrt(), whitened / count) } else { (0.0, 0.0) }
     }
 
     /// The matches of the last call at a pose, as they stand in an estimate.

@@ -9,6 +9,9 @@ use crate::estimate::Status;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HealthConfig {
+    /// A frame supports a pose with at least this, nats: two good matches more
+    /// than what should be seen and is not.
+    pub min_support: f64,
     /// Horizontal standard deviation (m) up to which an estimate is ok: 0.2
     /// keeps 95 % within half a metre.
     pub ok_sigma_m: f64,
@@ -20,6 +23,9 @@ pub struct HealthConfig {
     /// Evidence by which it must lead over every other that is tracked, nats:
     /// 3 is 95 %. A pose that was jumped to must make up for its handicap, too.
     pub ok_lead: f64,
+    /// Mean squared whitened residual up to which the matches agree: what it is
+    /// where the standard deviations are right.
+    pub max_mean_square: f64,
     /// How far off an ok pose may be if one object, or most of the prediction,
     /// is wrong, metres: what nobody should be off by unwarned.
     pub max_separation_m: f64,
@@ -40,10 +46,12 @@ pub struct HealthConfig {
 impl Default for HealthConfig {
     fn default() -> Self {
         Self {
+            min_support: 6.0,
             ok_sigma_m: 0.2,
             lost_sigma_m: 1.0,
             verify_frames: 5,
             ok_lead: 3.0,
+            max_mean_square: 1.0,
             max_separation_m: 0.5,
             min_worth: 6.0,
             lost_after_frames: 8,
@@ -65,6 +73,8 @@ pub fn judge(best: &Hypothesis, lead: f64, margin: f64, was_lost: bool, health: 
     }
     let ok = verified
         && sigma_m <= health.ok_sigma_m
+        && best.support >= health.min_support
+        && best.mean_square <= health.max_mean_square
         && best.separation_m <= health.max_separation_m
         && lead >= health.ok_lead + best.handicap
         && margin >= 0.0;

@@ -127,6 +127,8 @@ pub struct Hypothesis {
     pub support: f64,
     /// What the last frame added to the evidence, nats.
     pub evidence: f64,
+    /// Mean squared whitened residual of the last frame.
+    pub mean_square: f64,
     /// By how much it was ahead of the shifted poses beside it, when these were
     /// last looked at, nats.
     pub margin: Option<f64>,
@@ -186,6 +188,7 @@ impl Hypothesis {
             speed_is_unknown: false,
             support: 0.0,
             evidence: 0.0,
+            mean_square: 0.0,
             margin: None,
             separation_m: 0.0,
             off_road_m: 0.0,
@@ -198,6 +201,7 @@ impl Hypothesis {
 
     fn take(&mut self, refined: &Refined, surprise: f64) {
         self.support = refined.support;
+        self.mean_square = refined.mean_square;
         self.rms_px = refined.rms_px;
         self.iterations = refined.iterations;
         self.converged = refined.converged;
@@ -298,7 +302,7 @@ impl Hypothesis {
     /// Lets a frame pass that shows nothing: the prediction stands.
     pub fn see_nothing(&mut self) {
         self.correspondences.clear();
-        (self.support, self.evidence, self.separation_m, self.rms_px) = (0.0, 0.0, 0.0, 0.0);
+        (self.support, self.evidence, self.mean_square, self.separation_m, self.rms_px) = (0.0, 0.0, 0.0, 0.0, 0.0);
         (self.iterations, self.converged) = (0, false);
         self.log_weight = self.past_weight - self.handicap;
         self.weak_frames += 1;
@@ -326,6 +330,7 @@ impl Hypothesis {
         let against = off_road + self.state.surprise.min(config.bank.max_surprise);
         let surprise = |pose| gps.map_or(0.0, |fix| fix.surprise(pose)).min(config.bank.max_surprise) + against;
         if refined.gain < 0.0 || refined.prior_cost > config.bank.max_innovation {
+            self.mean_square = 0.0;
             self.separation_m = 0.0;
             self.rms_px = 0.0;
             self.iterations = refined.iterations;

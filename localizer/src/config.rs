@@ -14,7 +14,7 @@ use crate::odometry::OdometryConfig;
 use crate::preselect::PreselectConfig;
 use crate::solver::SolverConfig;
 use crate::start::StartConfig;
-use crate::tracker::{BankConfig, HealthConfig, RivalConfig};
+use crate::tracker::{BankConfig, HealthConfig, NearbyConfig, RivalConfig};
 use crate::vision::VisionConfig;
 
 /// Settings by stage; the defaults need no file.
@@ -47,6 +47,8 @@ pub struct Config {
     pub bank: BankConfig,
     /// The look beside the best hypothesis.
     pub rivals: RivalConfig,
+    /// The search around a pose that is not trusted.
+    pub nearby: NearbyConfig,
     /// When to trust.
     pub health: HealthConfig,
     /// GPS fixes.

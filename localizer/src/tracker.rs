@@ -3,19 +3,22 @@
 //!
 //! A start, a wrong lock and a recovery are the same thing here: hypotheses
 //! that are tracked side by side until the images tell which is right. They
-//! come from the search around a GPS fix (start), around the prediction (lost)
-//! and from poses beside the best one that explain a frame as well (rivals).
+//! come from the search around a GPS fix (start), around the prediction (lost
+//! or not trusted) and from poses beside the best one that explain a frame as
+//! well (rivals).
 
 mod health;
 mod hypothesis;
+mod nearby;
+mod region;
 mod rivals;
 
 pub use health::HealthConfig;
 pub use hypothesis::BankConfig;
+pub use nearby::NearbyConfig;
 pub use rivals::RivalConfig;
 
-use common::geometry::{PinholeCamera, Pose, Tangent, local};
-use nalgebra::{Matrix6, Point3, Vector6};
+use common::geometry::{PinholeCamera, Pose};
 
 use crate::Result;
 use crate::associate::matching::Scene;
@@ -30,7 +33,7 @@ use crate::odometry::Odometry;
 use crate::prepare::Prepared;
 use crate::preselect::{Candidates, Lookup, Reach};
 use crate::projection::ImageSize;
-use crate::start::{Rough, Search, keep_on_road};
+use crate::start::Search;
 use hypothesis::Hypothesis;
 
 /// What one frame brings.
@@ -60,7 +63,8 @@ pub struct Tracker<'a> {
     region: Option<State>,
     /// Fixes in a row that lie outside of the region.
     refused_fixes: usize,
-    is_lost: bool,
+    /// What was said of the last frame.
+    status: Option<Status>,
     associator: Associator,
     search: Search,
     prepared: Prepared,
@@ -79,7 +83,7 @@ impl<'a> Tracker<'a> {
             last_time_s: None,
             region: None,
             refused_fixes: 0,
-            is_lost: false,
+            status: None,
             associator: Associator::default(),
             search: Search::default(),
             prepared: Prepared::default(),
@@ -105,7 +109,10 @@ impl<'a> Tracker<'a> {
         }
         self.search_if_needed()?;
         self.prune();
+        let nearby = self.search_nearby()?;
         let margin = self.find_rivals()?;
+        // What was added now stands behind those that were tracked.
+        nearby.into_iter().for_each(|hypothesis| self.add(hypothesis));
         Ok(self.speak(margin))
     }
 
@@ -183,35 +190,6 @@ impl<'a> Tracker<'a> {
         self.bank.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
     }
 
-    /// Keeps the region up in which the camera is, whatever is tracked.
-    fn follow_region(&mut self, dt_s: f64, input: &FrameInput<'_>) -> Result<()> {
-        if let Some(region) = &mut self.region {
-            *region = region.driven(dt_s, input.odometry.as_ref(), &self.config.motion, &self.config.odometry);
-            let position = Point3::from(region.map_from_camera.translation.vector);
-            let place = self.map.nearest_path(&self.candidates.roads, &position);
-            if let Some(place) = place {
-                keep_on_road(region, &place, &self.config.start);
-            }
-        }
-        let Some(fix) = input.gps else { return Ok(()) };
-        let rough = self.rough_from(fix)?;
-        let is_refused = self.region.as_ref().is_some_and(|region| fix.offset(region, &self.config.gps).is_none());
-        self.refused_fixes = if is_refused { self.refused_fixes + 1 } else { 0 };
-        if is_refused && self.refused_fixes < self.config.gps.believed_after {
-            return Ok(());
-        }
-        match &mut self.region {
-            Some(region) if !is_refused => {
-                let off = local(&region.map_from_camera, &rough.map_from_camera);
-                for component in [0, 2, 4] {
-                    region.measure(component, off[component], rough.sigmas[component]);
-                }
-            }
-            _ => self.region = Some(unknown_speed(&rough, &self.config)),
-        }
-        Ok(())
-    }
-
     /// By how much the best hypothesis is ahead of the next, nats.
     fn lead(&self) -> f64 {
         let weight = |i: usize| self.bank.get(i).map(|hypothesis| hypothesis.log_weight);
@@ -234,7 +212,7 @@ impl<'a> Tracker<'a> {
             return Ok(());
         }
         let Some(region) = self.region.clone() else { return Ok(()) };
-        let rough = rough_of(&region, &self.config);
+        let rough = region::rough_of(&region, &self.config);
         let reach = Reach {
             position_m: self.config.start.reach_sigmas * rough.sigmas[0].hypot(rough.sigmas[2]),
             angle_rad: self.config.start.reach_sigmas * rough.sigmas[4],
@@ -270,19 +248,6 @@ impl<'a> Tracker<'a> {
         if !self.bank.iter().any(|known| known.is_like(&newcomer, &self.config.bank)) {
             self.bank.push(newcomer);
         }
-    }
-
-    fn rough_from(&mut self, fix: &GpsFix) -> Result<Rough> {
-        let reach_m = self.config.start.path_reach_m;
-        self.map.roads_near(&fix.position_map, reach_m, &mut self.candidates.roads)?;
-        Ok(Rough::from_fix(
-            self.map,
-            &self.candidates.roads,
-            &fix.position_map,
-            fix.horizontal_sigma_m,
-            fix.heading,
-            &self.config.start,
-        ))
     }
 
     /// Merges what has become the same and drops what the evidence refutes.
@@ -341,8 +306,9 @@ impl<'a> Tracker<'a> {
     fn speak(&mut self, margin: f64) -> Option<PoseEstimate> {
         let best = self.bank.first()?;
         let lead = self.lead();
-        let status = health::judge(best, lead, margin, self.is_lost, &self.config.health);
-        self.is_lost = status == Status::Lost;
+        let was_lost = self.status == Some(Status::Lost);
+        let status = health::judge(best, lead, margin, was_lost, &self.config.health);
+        self.status = Some(status);
         if status == Status::Ok {
             // Should it be lost from here on, it is searched around here.
             self.region = Some(best.state.clone());
@@ -359,37 +325,6 @@ impl<'a> Tracker<'a> {
             margin: margin.min(lead),
         })
     }
-}
-
-/// The state of a camera of which only a rough pose is known.
-fn unknown_speed(rough: &Rough, config: &Config) -> State {
-    let bank = &config.bank;
-    // Forward at any speed up to the highest; little of it sideways.
-    let (mean_m_s, sigma_m_s) = (bank.max_speed_m_s / 3.0, bank.max_speed_m_s / 3.0);
-    let side_m_s = mean_m_s * config.motion.mounting_sigma_rad;
-    let sigmas = Vector6::new(side_m_s, side_m_s, sigma_m_s, 0.05, 0.3, 0.05);
-    let velocity = Tangent::new(0.0, 0.0, mean_m_s, 0.0, 0.0, 0.0);
-    let covariance = Matrix6::from_diagonal(&sigmas.component_mul(&sigmas));
-    State::new(rough.map_from_camera, &rough.covariance(), velocity, &covariance, &config.motion, &config.odometry)
-}
-
-/// The region of a state, at least as wide as is worth a search.
-fn rough_of(region: &State, config: &Config) -> Rough {
-    let own = region.pose_covariance();
-    let (health, start) = (&config.health, &config.start);
-    let least = Vector6::new(
-        health.search_sigma_m,
-        start.height_sigma_m,
-        health.search_sigma_m,
-        start.tilt_sigma_rad,
-        health.search_sigma_rad,
-        start.tilt_sigma_rad,
-    );
-    let sigmas = Vector6::from_fn(|i, _| {
-        let most = if i < 3 { health.max_search_sigma_m } else { 1.0 };
-        own[(i, i)].max(0.0).sqrt().min(most).max(least[i])
-    });
-    Rough { map_from_camera: region.map_from_camera, sigmas }
 }
 
 #[cfg(test)]

@@ -5,8 +5,10 @@ use common::geometry::{Pose, local};
 use nalgebra::{Cholesky, Matrix6};
 use serde::{Deserialize, Serialize};
 
-use super::matching::{Matcher, Scene};
+use super::matching::{Match, Matcher, Scene};
+use super::separation::{SeparationConfig, poses_without};
 use crate::estimate::{Correspondence, LandmarkId};
+use crate::projection::View;
 use crate::residual::{Group, Observation};
 use crate::solver::{Prior, Problem, Solution, SolverConfig, solve};
 
@@ -19,11 +21,24 @@ pub struct RobustConfig {
     /// The posterior covariance of a round times this is the gate of the next:
     /// wrong pairs of an early round bias more than the covariance knows.
     pub gate_inflation: f64,
+    /// Half the squared Mahalanobis distance from the prediction above which
+    /// other matches are tried: a wrong one in the first round may have led
+    /// the rest astray. 2 asks twice in half of the frames.
+    pub doubted_cost: f64,
+    /// Share of the prediction's covariance that is the gate then: only what
+    /// lies near the prediction is matched in the first round.
+    pub narrow_share: f64,
+    /// They are tried at the prediction, and at the poses that are left without
+    /// one object of the doubted matches: at no more of these than so many.
+    pub left_out: usize,
+    /// A pose without an object that lies nearer is the same, half the squared
+    /// Mahalanobis distance.
+    pub least_move: f64,
 }
 
 impl Default for RobustConfig {
     fn default() -> Self {
-        Self { max_rounds: 5, gate_inflation: 4.0 }
+        Self { max_rounds: 5, gate_inflation: 4.0, doubted_cost: 2.0, narrow_share: 0.1, left_out: 3, least_move: 1.0 }
     }
 }
 
@@ -73,6 +88,7 @@ pub struct Associator {
     observations: Vec<Observation>,
     groups: Vec<Group>,
     previous: Vec<(LandmarkId, usize)>,
+    believed: Vec<Match>,
 }
 
 impl Associator {
@@ -147,9 +163,46 @@ impl Associator {
         })
     }
 
+    /// Associates and localizes from where `prior` expects the camera. Where
+    /// the pose comes out far from there, a wrong match may have drawn the
+    /// others after it: then other starts are tried, and the pose for which the
+    /// frame says most is taken.
+    ///
+    /// Returns none where the prior's information is no covariance.
+    pub fn refine_predicted(
+        &mut self,
+        scene: &Scene<'_>,
+        covariance: &Matrix6<f64>,
+        prior: &Prior,
+        config: &RobustConfig,
+        separation: &SeparationConfig,
+        solver: &SolverConfig,
+    ) -> Option<Refined> {
+        let predicted = prior.map_from_camera;
+        let mut best = self.refine(scene, &predicted, covariance, prior, config, solver)?;
+        if best.prior_cost <= config.doubted_cost {
+            return Some(best);
+        }
+        let view = View::new(scene.camera, &best.map_from_camera);
+        let matches = &self.matcher.matches;
+        let without = poses_without(matches, &view, &best.map_from_camera, prior, separation.object_m, solver);
+        let without = without.into_iter().filter(|(cost, _)| *cost > config.least_move);
+        let narrow = covariance * config.narrow_share;
+        self.believed.clone_from(&self.matcher.matches);
+        for start in std::iter::once(predicted).chain(without.map(|(_, pose)| pose).take(config.left_out)) {
+            let other = self.refine(scene, &start, &narrow, prior, config, solver)?;
+            if other.evidence() > best.evidence() {
+                best = other;
+                self.believed.clone_from(&self.matcher.matches);
+            }
+        }
+        self.matcher.matches.clone_from(&self.believed);
+        Some(best)
+    }
+
     /// Root mean square distance (px) and mean squared whitened distance.
     fn residuals(&self, scene: &Scene<'_>, pose: &Pose) -> (f64, f64) {
-        let view = crate::projection::View::new(scene.camera, pose);
+        let view = View::new(scene.camera, pose);
         let (mut square, mut whitened, mut count) = (0.0, 0.0, 0.0);
         for observation in &self.observations {
             if let Some(distance_px) = observation.distance_px(&view) {
@@ -163,7 +216,7 @@ impl Associator {
 
     /// The matches of the last call at a pose, as they stand in an estimate.
     pub fn correspondences(&self, scene: &Scene<'_>, pose: &Pose, solver: &SolverConfig) -> Vec<Correspondence> {
-        let view = crate::projection::View::new(scene.camera, pose);
+        let view = View::new(scene.camera, pose);
         let matches = self.matcher.matches.iter();
         matches
             .map(|found| {

@@ -5,7 +5,7 @@
 //! A wrong match that decides where the pose lies agrees with itself: its
 //! residual is small. It shows when the others are asked without it.
 
-use common::geometry::{Pose, local};
+use common::geometry::{Pose, local, retract};
 use nalgebra::{Cholesky, Matrix6, Point3, Vector6};
 use serde::{Deserialize, Serialize};
 
@@ -62,6 +62,47 @@ impl Part {
     }
 }
 
+/// What the matches and a share of the prior say about a pose, and each object
+/// of the matches by itself.
+struct Balance {
+    parts: Vec<Part>,
+    information: Matrix6<f64>,
+    gradient: Vector6<f64>,
+}
+
+impl Balance {
+    fn new(
+        matches: &[Match],
+        view: &View,
+        pose: &Pose,
+        prior: &Prior,
+        prior_share: f64,
+        solver: &SolverConfig,
+    ) -> Self {
+        let parts: Vec<Part> = matches.iter().map(|found| Part::new(found, view, solver)).collect();
+        let mut information = prior.information * prior_share;
+        let mut gradient = information * local(&prior.map_from_camera, pose);
+        for part in &parts {
+            information += part.information;
+            gradient += part.gradient;
+        }
+        Self { parts, information, gradient }
+    }
+
+    /// Information and gradient without the object of each match in turn.
+    fn without_each(&self, object_m: f64) -> impl Iterator<Item = (Matrix6<f64>, Vector6<f64>)> + '_ {
+        self.parts.iter().map(move |part| {
+            let (mut information, mut gradient) = (self.information, self.gradient);
+            let same = |other: &&Part| std::ptr::eq(*other, part) || part.is_same_object(other, object_m);
+            for other in self.parts.iter().filter(same) {
+                information -= other.information;
+                gradient -= other.gradient;
+            }
+            (information, gradient)
+        })
+    }
+}
+
 /// How far off the pose (solved with `matches` and `prior`) may be,
 /// horizontally in metres, if one object was matched wrongly, or none but most
 /// of the prior is wrong: the largest move of the pose without it, and some
@@ -75,31 +116,35 @@ pub fn separation_m(
     config: &SeparationConfig,
     solver: &SolverConfig,
 ) -> f64 {
-    let parts: Vec<Part> = matches.iter().map(|found| Part::new(found, view, solver)).collect();
-    let error = local(&prior.map_from_camera, pose);
-    let mut information = prior.information * config.prior_share;
-    let mut gradient = information * error;
-    for part in &parts {
-        information += part.information;
-        gradient += part.gradient;
-    }
+    let balance = Balance::new(matches, view, pose, prior, config.prior_share, solver);
     let level_m = |information: Matrix6<f64>, gradient: Vector6<f64>| {
         let Some(factor) = Cholesky::new(information) else { return f64::INFINITY };
         let (step, covariance) = (factor.solve(&gradient), factor.inverse());
         step[0].hypot(step[2]) + config.sigmas * (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt()
     };
-    let mut most_m = level_m(information, gradient);
-    for part in &parts {
-        let (mut information, mut gradient) = (information, gradient);
-        for other in
-            parts.iter().filter(|other| std::ptr::eq(*other, part) || part.is_same_object(other, config.object_m))
-        {
-            information -= other.information;
-            gradient -= other.gradient;
-        }
-        most_m = most_m.max(level_m(information, gradient));
-    }
-    most_m
+    let without = balance.without_each(config.object_m).map(|(information, gradient)| level_m(information, gradient));
+    without.fold(level_m(balance.information, balance.gradient), f64::max)
+}
+
+/// The poses that the other matches and the whole prior ask for where one
+/// object is left out, with half the squared Mahalanobis distance that each
+/// lies away; furthest first.
+pub fn poses_without(
+    matches: &[Match],
+    view: &View,
+    pose: &Pose,
+    prior: &Prior,
+    object_m: f64,
+    solver: &SolverConfig,
+) -> Vec<(f64, Pose)> {
+    let balance = Balance::new(matches, view, pose, prior, 1.0, solver);
+    let moved = |(information, gradient): (Matrix6<f64>, Vector6<f64>)| {
+        let step = -Cholesky::new(information)?.solve(&gradient);
+        Some((0.5 * step.dot(&(information * step)), retract(pose, &step)))
+    };
+    let mut poses: Vec<_> = balance.without_each(object_m).filter_map(moved).collect();
+    poses.sort_by(|a, b| b.0.total_cmp(&a.0));
+    poses
 }
 
 #[cfg(test)]
@@ -113,8 +158,9 @@ mod tests {
     use crate::preselect::{Candidates, Lookup, PreselectConfig, Reach};
     use crate::testing::{IMAGE, Recipe, World};
 
-    /// The separation at the true pose, with the longest pole seen aside.
-    fn separated(aside_px: f64) -> f64 {
+    /// The frame at the true pose, with the longest pole seen aside, as `ask`
+    /// is told of it: matches, view, pose, prior.
+    fn with_one_aside<T>(aside_px: f64, ask: impl FnOnce(&[Match], &View, &Pose, &Prior) -> T) -> T {
         let world = World::new(Recipe { missed: 0.0, ..Recipe::default() });
         let pose = world.truth[60];
         let mut seen = world.features(60);
@@ -141,14 +187,33 @@ mod tests {
         let mut matcher = Matcher::default();
         matcher.run(&scene, &pose, &covariance);
         let prior = Prior::new(pose, &covariance).unwrap();
-        let view = View::new(&world.camera, &pose);
-        separation_m(&matcher.matches, &view, &pose, &prior, &SeparationConfig::default(), &SolverConfig::default())
+        ask(&matcher.matches, &View::new(&world.camera, &pose), &pose, &prior)
     }
 
     #[test]
     fn one_match_that_pulls_separates() {
+        let separated = |aside_px| {
+            with_one_aside(aside_px, |matches, view, pose, prior| {
+                separation_m(matches, view, pose, prior, &SeparationConfig::default(), &SolverConfig::default())
+            })
+        };
         let (agreeing_m, pulled_m) = (separated(0.0), separated(6.0));
         assert!(agreeing_m < 0.25 && pulled_m > agreeing_m, "{agreeing_m} m, {pulled_m} m");
+    }
+
+    #[test]
+    fn of_the_poses_without_one_object_the_furthest_comes_first() {
+        let poses_of = |aside_px| {
+            with_one_aside(aside_px, |matches, view, pose, prior| {
+                let object_m = SeparationConfig::default().object_m;
+                let poses = poses_without(matches, view, pose, prior, object_m, &SolverConfig::default());
+                assert_eq!(poses.len(), matches.len());
+                poses
+            })
+        };
+        let (agreeing, pulled) = (poses_of(0.0), poses_of(6.0));
+        assert!(pulled.is_sorted_by(|a, b| a.0 >= b.0));
+        assert!(pulled[0].0 > agreeing[0].0, "{} and {}", pulled[0].0, agreeing[0].0);
     }
 
     #[test]

@@ -163,14 +163,15 @@ impl Hypothesis {
     pub fn beside(best: &Self, rival: &Refined, jump_cost: f64) -> Self {
         let off = local(&best.predicted.map_from_camera, &rival.map_from_camera);
         let turning = Cholesky::new(best.predicted.pose_covariance()).map(|factor| 0.5 * off.dot(&factor.solve(&off)));
-        let (state, cost) = if let Some(turning) = turning.filter(|cost| *cost < jump_cost) {
+        let (state, handicap) = if let Some(turning) = turning.filter(|cost| *cost < jump_cost) {
             let mut turned = best.predicted.clone();
             turned.update(&rival.map_from_camera, &rival.covariance);
-            (turned, turning)
+            (turned, best.handicap + turning)
         } else {
-            (best.state.moved_to(rival.map_from_camera, &rival.covariance), jump_cost)
+            // What the best has to make up for speaks for those beside it.
+            (best.state.moved_to(rival.map_from_camera, &rival.covariance), best.handicap.max(jump_cost))
         };
-        let mut hypothesis = Self::blank(state, best.past_weight, best.handicap + cost);
+        let mut hypothesis = Self::blank(state, best.past_weight, handicap);
         hypothesis.speed_is_unknown = best.speed_is_unknown;
         hypothesis.take(rival, rival.prior_cost);
         hypothesis
@@ -324,7 +325,8 @@ impl Hypothesis {
         let predicted = self.state.map_from_camera;
         self.predicted.clone_from(&self.state);
         let prior = Prior::new(predicted, &covariance)?;
-        let refined = associator.refine(scene, &predicted, &covariance, &prior, &config.robust, &config.solver)?;
+        let (robust, separation) = (&config.robust, &config.separation);
+        let refined = associator.refine_predicted(scene, &covariance, &prior, robust, separation, &config.solver)?;
         let beyond = (self.off_road_m - config.bank.road_m).max(0.0) / config.bank.off_road_sigma_m;
         let off_road = (0.5 * beyond * beyond).min(config.bank.max_surprise);
         let against = off_road + self.state.surprise.min(config.bank.max_surprise);

@@ -1,4 +1,4 @@
-use common::geometry::{Pose, retract};
+use common::geometry::{Pose, Tangent, local, retract};
 use common::map::SemanticMap;
 
 use super::*;
@@ -180,26 +180,33 @@ fn dropped_and_doubled_frames_are_survived() {
     }
 }
 
-/// Puts all hypotheses elsewhere, as a wrong association would.
-fn shift(tracker: &mut Tracker<'_>, right_m: f64, forward_m: f64) {
-    for hypothesis in &mut tracker.bank {
-        let state = &mut hypothesis.state;
-        state.map_from_camera = retract(&state.map_from_camera, &Tangent::new(right_m, 0.0, forward_m, 0.0, 0.0, 0.0));
-    }
+/// Moves all hypotheses at frame 50, as wrong associations would; none may be
+/// called ok while it is off, and some frames later it must be back.
+fn assert_comes_back(off: Tangent, frames: usize) {
+    let world = World::new(street());
+    let before = |frame: usize, tracker: &mut Tracker<'_>| {
+        for hypothesis in tracker.bank.iter_mut().filter(|_| frame == 50) {
+            let state = &mut hypothesis.state;
+            state.map_from_camera = retract(&state.map_from_camera, &off);
+        }
+    };
+    let run = run(&world, &GpsConfig::default(), 1, &Mishap { before: &before, ..NONE });
+    assert_eq!(run.lies(), 0, "moved by {off}");
+    let rms_m = run.rms_m(50 + frames);
+    assert!(rms_m < 0.15, "moved by {off}: {rms_m} m");
 }
 
 #[test]
 fn the_wrong_lane_is_found_and_undone() {
-    let world = World::new(street());
     for (right_m, forward_m) in [(3.5, 0.0), (-3.5, 0.0), (0.0, 4.0), (0.0, -6.0)] {
-        let before = |frame: usize, tracker: &mut Tracker<'_>| {
-            if frame == 50 {
-                shift(tracker, right_m, forward_m);
-            }
-        };
-        let run = run(&world, &GpsConfig::default(), 1, &Mishap { before: &before, ..NONE });
-        assert_eq!(run.lies(), 0, "shifted by {right_m} {forward_m}");
-        assert!(run.rms_m(65) < 0.15, "shifted by {right_m} {forward_m}: {} m", run.rms_m(65));
+        assert_comes_back(Tangent::new(right_m, 0.0, forward_m, 0.0, 0.0, 0.0), 15);
+    }
+}
+
+#[test]
+fn a_pose_that_is_turned_and_tilted_is_found_back() {
+    for sign in [-1.0, 1.0] {
+        assert_comes_back(Tangent::new(0.9, 0.0, -1.8, 0.04, 0.09, -0.05) * sign, 3);
     }
 }
 

@@ -9,6 +9,7 @@
 
 mod health;
 mod hypothesis;
+mod mean;
 mod nearby;
 mod region;
 mod rivals;
@@ -313,9 +314,12 @@ impl<'a> Tracker<'a> {
             // Should it be lost from here on, it is searched around here.
             self.region = Some(best.state.clone());
         }
+        let alone = std::slice::from_ref(best);
+        let said = if status == Status::Ok { alone } else { self.bank.as_slice() };
+        let (map_from_camera, covariance) = mean::mean_of(said, self.config.bank.doubt)?;
         Some(PoseEstimate {
-            map_from_camera: best.state.map_from_camera,
-            covariance: best.state.pose_covariance(),
+            map_from_camera,
+            covariance,
             correspondences: best.correspondences.clone(),
             residual_rms_px: best.rms_px,
             iterations: best.iterations,

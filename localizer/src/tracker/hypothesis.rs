@@ -47,6 +47,10 @@ pub struct BankConfig {
     pub newcomer_cost: f64,
     /// What a jump of the best pose pays, nats.
     pub jump_cost: f64,
+    /// Evidence by which the weight falls to 37 % in the mean that is said where
+    /// no hypothesis is ok, nats. More than 1, for frames see the same landmarks
+    /// with the same errors and count several times.
+    pub doubt: f64,
     /// Half the squared Mahalanobis distance from the prediction above which
     /// matches are not believed: 11.2 is 99.9 % for six degrees of freedom.
     pub max_innovation: f64,
@@ -83,6 +87,7 @@ impl Default for BankConfig {
             prune_margin: 30.0,
             newcomer_cost: 5.0,
             jump_cost: 15.0,
+            doubt: 3.0,
             max_innovation: 11.2,
             max_surprise: 8.0,
             road_m: 9.0,

@@ -136,21 +136,41 @@ fn black_images_are_survived() {
     assert!(back < dark.end + 10 && run.rms_m(back) < 0.15, "back at frame {back}");
 }
 
+/// A tracker that has followed the street for 20 frames.
+fn followed<'a>(world: &World, map: &'a mut LocalMap) -> Tracker<'a> {
+    let fixes = simulate(&world.truth[..2], &GpsConfig::default(), 1);
+    let mut tracker = Tracker::new(map, &world.camera, IMAGE, &Config::default());
+    for frame in 0..20 {
+        let (time_s, features) = (time_s(frame), &world.features(frame));
+        tracker.step(&FrameInput { time_s, features, gps: fixes.get(frame), odometry: None }).unwrap();
+    }
+    tracker
+}
+
+#[test]
+fn where_two_may_be_right_their_mean_is_said_with_their_spread() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let best = followed(&world, &mut map).bank.remove(0);
+    let mut other = best.clone();
+    other.state.map_from_camera = retract(&best.state.map_from_camera, &(Tangent::x() * 2.0));
+    let own = best.state.pose_covariance();
+    let mean = |other: &Hypothesis| {
+        let (pose, covariance) = mean::mean_of(&[best.clone(), other.clone()], 3.0).unwrap();
+        (local(&best.state.map_from_camera, &pose)[0], covariance[(0, 0)] - own[(0, 0)])
+    };
+    let (off_m, more_m2) = mean(&other);
+    assert!((off_m - 1.0).abs() < 1e-6 && (more_m2 - 1.0).abs() < 1e-6, "{off_m} m, {more_m2} m2");
+    other.log_weight -= 60.0;
+    let (off_m, more_m2) = mean(&other);
+    assert!(off_m.abs() < 1e-6 && more_m2.abs() < 1e-6, "{off_m} m, {more_m2} m2");
+}
+
 #[test]
 fn a_black_image_speaks_for_no_place() {
     let world = World::new(street());
     let mut map = LocalMap::whole(world.map.clone());
-    let fixes = simulate(&world.truth[..2], &GpsConfig::default(), 1);
-    let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, &Config::default());
-    for frame in 0..20 {
-        let input = FrameInput {
-            time_s: time_s(frame),
-            features: &world.features(frame),
-            gps: fixes.get(frame),
-            odometry: None,
-        };
-        tracker.step(&input).unwrap();
-    }
+    let mut tracker = followed(&world, &mut map);
     let mut tracked = None;
     for frame in 20..30 {
         let input = FrameInput { time_s: time_s(frame), features: &Features::default(), gps: None, odometry: None };

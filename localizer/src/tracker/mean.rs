@@ -1,0 +1,24 @@
+//! What is said where several hypotheses may be right.
+
+use common::geometry::{Pose, Tangent, local, retract};
+use nalgebra::Matrix6;
+
+use super::hypothesis::Hypothesis;
+
+/// Mean pose of all hypotheses and its covariance, their spread included: of
+/// all poses the one with the least expected square error. The weights are
+/// `exp(w / doubt)` of their evidence `w` in nats. With one hypothesis, its own.
+pub fn mean_of(bank: &[Hypothesis], doubt: f64) -> Option<(Pose, Matrix6<f64>)> {
+    let best = bank.first()?;
+    let pose = best.state.map_from_camera;
+    let (mut total, mut mean, mut square) = (0.0, Tangent::zeros(), Matrix6::zeros());
+    for hypothesis in bank {
+        let weight = ((hypothesis.log_weight - best.log_weight) / doubt.max(1e-3)).exp();
+        let off = local(&pose, &hypothesis.state.map_from_camera);
+        total += weight;
+        mean += off * weight;
+        square += (hypothesis.state.pose_covariance() + off * off.transpose()) * weight;
+    }
+    mean /= total;
+    Some((retract(&pose, &mean), square / total - mean * mean.transpose()))
+}

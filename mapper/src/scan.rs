@@ -49,7 +49,9 @@ impl LidarScan {
 /// A point (Velodyne frame) whose ray is turned up by an angle of given sine and cosine, about
 /// the horizontal axis across it.
 pub fn raised(p: &Point3<f64>, (sin, cos): (f64, f64)) -> Point3<f64> {
-    let level = p.x.hypot(p.y);
+    // Metres of a lidar neither overflow nor vanish when squared: `hypot` guards
+    // against that, slowly.
+    let level = (p.x * p.x + p.y * p.y).sqrt();
     if level < 1e-9 {
         return *p;
     }

@@ -77,7 +77,7 @@ impl Moments {
 
 /// The moments of the occupied voxels of a cloud, in the order of their keys,
 /// so that the result does not depend on the order of the points' cells.
-pub fn voxel_moments(points: &[Point3<f64>], cell_m: f64) -> Vec<Moments> {
+pub fn voxel_moments<'a>(points: impl IntoIterator<Item = &'a Point3<f64>>, cell_m: f64) -> Vec<Moments> {
     let inverse = 1.0 / cell_m;
     let mut places: FxHashMap<VoxelKey, usize> = FxHashMap::default();
     let mut cells: Vec<(VoxelKey, usize)> = Vec::new();

@@ -55,33 +55,35 @@ impl<'a> Contrasts<'a> {
         Self { scan, config, highest_sin: config.highest_rad.sin() }
     }
 
-    /// By how many standard deviations the reflectance of a point exceeds that
-    /// of its beam on both sides; 0 where it does not by more than the least
+    /// By how many standard deviations the reflectance of a point at a range
+    /// (metres) exceeds that of its beam on both sides; 0 where it does not by more than the least
     /// noise, or where the beam was interrupted; none beyond the range or above
     /// the road.
-    pub fn of(&self, i: usize) -> Option<f32> {
-        let p = &self.scan.points[i];
-        let range = p.coords.norm();
-        if range > self.config.farthest_m || p.z > range * self.highest_sin {
+    pub fn of(&self, i: usize, range_m: f64) -> Option<f32> {
+        if range_m > self.config.farthest_m || self.scan.points[i].z > range_m * self.highest_sin {
             return None;
         }
         let over = |side: &Side| self.scan.reflectance[i] - side.median;
+        let is_darker = |side: &Side| over(side) > self.config.least_noise;
         // Most points are asphalt, no brighter than either side: one is enough.
-        let darker = |step| self.side(i, step).filter(|s| over(s) > self.config.least_noise);
-        let Some(left) = darker(-1) else { return Some(0.0) };
-        let Some(right) = darker(1) else { return Some(0.0) };
+        let Some(left) = self.side::<false>(i).filter(is_darker) else { return Some(0.0) };
+        let Some(right) = self.side::<true>(i).filter(is_darker) else { return Some(0.0) };
         let noise = left.spread.min(right.spread).max(self.config.least_noise);
         Some(over(&left).min(over(&right)) / noise)
     }
 
-    /// One side of a point; none where the beam was interrupted, or where the
-    /// point is not brighter than that side.
-    fn side(&self, i: usize, step: isize) -> Option<Side> {
+    /// The side of the later or of the earlier points of the beam; none where
+    /// the beam was interrupted, or where the point is not brighter than that side.
+    fn side<const LATER: bool>(&self, i: usize) -> Option<Side> {
         let LidarScan { points, reflectance, .. } = self.scan;
         let config = self.config;
-        let at = |k: isize| usize::try_from(i as isize + step * k).ok().filter(|j| *j < points.len());
+        let room = if LATER { points.len() - 1 - i } else { i };
+        if room == 0 {
+            return None;
+        }
+        let beside = |steps: usize| if LATER { i + steps } else { i - steps };
         let apart_m = |j: usize| (points[j] - points[i]).norm();
-        let spacing = apart_m(at(1)?);
+        let spacing = apart_m(beside(1));
         if spacing > config.beside_from_m {
             return None;
         }
@@ -89,24 +91,22 @@ impl<'a> Contrasts<'a> {
         let per_metre = 1.0 / spacing.max(1e-3);
         let first = config.beside_from_m * per_metre;
         let last = config.beside_to_m * per_metre;
-        let mut beside = [0; SAMPLES];
-        let (mut count, mut darker) = (0, 0);
-        for s in 0..SAMPLES {
-            let share = s as f64 / (SAMPLES - 1) as f64;
-            if let Some(j) = at(rounded(first + (last - first) * share)) {
-                beside[count] = j;
-                count += 1;
-                darker += usize::from(reflectance[i] - reflectance[j] > config.least_noise);
-            }
+        let mut steps = [0; SAMPLES];
+        for (s, steps) in steps.iter_mut().enumerate() {
+            *steps = rounded(first + (last - first) * (s as f64 / (SAMPLES - 1) as f64));
         }
+        // They go outwards: what lies beyond the scan are the last of them.
+        let count = steps.iter().filter(|steps| **steps <= room).count();
+        let is_darker = |steps: &&usize| reflectance[i] - reflectance[beside(**steps)] > config.least_noise;
         // Before any distance is looked at: of a hundred points of asphalt
         // some five go on.
-        if darker < FEWEST_DARKER {
+        if steps[..count].iter().filter(is_darker).count() < FEWEST_DARKER {
             return None;
         }
         let mut values = [0.0_f32; SAMPLES];
         let mut n = 0;
-        for &j in &beside[..count] {
+        for &steps in &steps[..count] {
+            let j = beside(steps);
             let d = apart_m(j);
             if d >= 0.7 * config.beside_from_m && d <= 1.5 * config.beside_to_m {
                 values[n] = reflectance[j];
@@ -127,9 +127,10 @@ impl<'a> Contrasts<'a> {
 
 /// The nearest whole number to one that is not negative. `f64::round` is a call
 /// on processors that need not know the instruction.
-fn rounded(v: f64) -> isize {
-    let whole = v as isize;
-    whole + isize::from(v - whole as f64 >= 0.5)
+fn rounded(v: f64) -> usize {
+    // Steps of a beam: a signed word takes one instruction, and saturates.
+    let whole = v as i32;
+    whole as usize + usize::from(v - f64::from(whole) >= 0.5)
 }
 
 #[cfg(test)]
@@ -157,7 +158,7 @@ mod tests {
         let (scan, config) = (beam(0.0, 0.15), ContrastConfig::default());
         let contrasts = Contrasts::new(&scan, &config);
         for (i, p) in scan.points.iter().enumerate() {
-            let c = contrasts.of(i).unwrap();
+            let c = contrasts.of(i, p.coords.norm()).unwrap();
             if p.y > 0.0 && p.y < 0.15 {
                 assert!(c > 5.0);
             } else {
@@ -170,13 +171,14 @@ mod tests {
     fn a_bright_verge_is_no_line() {
         let (scan, config) = (beam(0.0, 9.0), ContrastConfig::default());
         let contrasts = Contrasts::new(&scan, &config);
-        assert!((0..scan.points.len()).filter_map(|i| contrasts.of(i)).all(|c| c < 3.0));
+        let of = |(i, p): (usize, &Point3<f64>)| contrasts.of(i, p.coords.norm());
+        assert!(scan.points.iter().enumerate().filter_map(of).all(|c| c < 3.0));
     }
 
     #[test]
     fn halves_are_rounded_up() {
         for v in [0.0, 0.49, 0.499_999_999_999_999_94, 0.5, 0.51, 1.5, 2.5, 900.5, 1e6] {
-            assert_eq!(rounded(v), f64::round(v) as isize, "{v}");
+            assert_eq!(rounded(v), f64::round(v) as usize, "{v}");
         }
     }
 }

@@ -2,8 +2,11 @@
 
 use rayon::prelude::*;
 
+use nalgebra::Point2;
+
 use super::LaneConfig;
-use crate::cloud::{Cloud, CloudPoint};
+use crate::cloud::{ByCell, Cloud, CloudPoint};
+use crate::grid::Grid;
 
 /// A ground point by its place beside the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,36 +21,91 @@ pub struct PathPoint {
     pub contrast: f32,
 }
 
-/// The road's points beside an axis, each list sorted by station.
+/// The road's points beside an axis.
 pub struct Paint {
-    /// Points of paint.
+    /// Points of paint, sorted by station.
     pub bright: Vec<PathPoint>,
     /// All road points in range, for where paint could have been seen.
-    pub road: Vec<PathPoint>,
+    pub road: RoadPoints,
+}
+
+/// Road points by cell of station and offset: a line is asked for what is
+/// beside it, and most of the road is not.
+pub struct RoadPoints {
+    /// Station, offset and height of each, metres.
+    points: Vec<(f64, f64, f32)>,
+    /// Cells over (offset, station).
+    grid: Grid,
+    by_cell: ByCell,
+}
+
+/// Edge of the cells of road points, metres: half of the strip that a line is
+/// asked for.
+const CELL_M: f64 = 0.5;
+
+impl RoadPoints {
+    fn new(points: Vec<(f64, f64, f32)>, (from_m, to_m): (f64, f64), config: &LaneConfig) -> Self {
+        let half_m = config.half_width_m;
+        let grid = Grid::covering(Point2::new(-half_m, from_m), Point2::new(half_m, to_m), CELL_M);
+        let by_cell = ByCell::new(&points, &grid, |p| grid.index(&Point2::new(p.1, p.0)));
+        let points = by_cell.indices().map(|i| points[i]).collect();
+        Self { points, grid, by_cell }
+    }
+
+    /// Station, offset and height of the points in the cells that touch a
+    /// rectangle of stations and offsets, metres: of those in it, and of a few
+    /// more.
+    pub fn near(&self, stations_m: [f64; 2], offsets_m: [f64; 2]) -> impl Iterator<Item = &(f64, f64, f32)> {
+        let cells = |m: [f64; 2], low_m: f64, count: usize| {
+            // Below 0 the cast gives 0: the first cell.
+            let cell = |m: f64| ((m - low_m) / self.grid.cell_m) as usize;
+            (cell(m[0]).min(count), (cell(m[1]) + 1).min(count))
+        };
+        let (first, end) = cells(offsets_m, self.grid.origin.x, self.grid.width);
+        let rows = cells(stations_m, self.grid.origin.y, self.grid.height);
+        (rows.0..rows.1).flat_map(move |z| &self.points[self.by_cell.row(&self.grid, z, first..end)])
+    }
 }
 
 impl Paint {
     /// The paint in a stitched cloud, by its place beside the driven path.
     pub fn of(cloud: &Cloud, config: &LaneConfig) -> Self {
-        let mut road: Vec<PathPoint> = cloud
+        let place = |p: &CloudPoint| {
+            let contrast = p.contrast.filter(|_| is_road(p, config))?;
+            let place = cloud.place(&p.position);
+            (place.offset_m.abs() < config.half_width_m).then_some(PathPoint {
+                station_m: place.station_m,
+                offset_m: place.offset_m,
+                height_m: -p.position.y as f32,
+                contrast,
+            })
+        };
+        let parts: Vec<(Vec<PathPoint>, Vec<(f64, f64, f32)>)> = cloud
             .points
-            .par_iter()
-            .filter_map(|p| {
-                let contrast = p.contrast.filter(|_| is_road(p, config))?;
-                let place = cloud.place(&p.position);
-                (place.offset_m.abs() < config.half_width_m).then_some(PathPoint {
-                    station_m: place.station_m,
-                    offset_m: place.offset_m,
-                    height_m: -p.position.y as f32,
-                    contrast,
-                })
+            .par_chunks(PART)
+            .map(|part| {
+                let mut bright = Vec::new();
+                let mut road = Vec::with_capacity(part.len());
+                for p in part.iter().filter_map(place) {
+                    road.push((p.station_m, p.offset_m, p.height_m));
+                    if p.contrast >= config.least_contrast {
+                        bright.push(p);
+                    }
+                }
+                (bright, road)
             })
             .collect();
+        let (bright, road): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+        let mut bright = bright.concat();
         // Stable: points of one station keep the order of the scans.
-        road.par_sort_by(|a, b| a.station_m.total_cmp(&b.station_m));
-        Self { bright: road.iter().filter(|p| p.contrast >= config.least_contrast).copied().collect(), road }
+        bright.sort_by(|a, b| a.station_m.total_cmp(&b.station_m));
+        let stations_m = (cloud.path.start_station_m(), cloud.path.end_station_m() + CELL_M);
+        Self { bright, road: RoadPoints::new(road.concat(), stations_m, config) }
     }
 }
+
+/// Points of the cloud that are placed at a time.
+const PART: usize = 1 << 14;
 
 /// Whether a point lies on the ground and near enough for paint to be seen.
 fn is_road(p: &CloudPoint, config: &LaneConfig) -> bool {

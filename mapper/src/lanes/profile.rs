@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::paint::{Paint, PathPoint, between};
+use super::paint::{Paint, between};
 use super::{Chain, LaneConfig};
 
 /// A bin of the length of a line.
@@ -114,36 +114,25 @@ fn fill(bin: &mut Bin, paint: &Paint, half_m: f64, config: &LaneConfig) {
     let (from_m, to_m) = (bin.station_m - config.profile_m / 2.0, bin.station_m + config.profile_m / 2.0);
     let offset_m = bin.offset_m;
     let (near_m, far_m) = (config.beside_line_m - config.half_line_m, config.beside_line_m + config.half_line_m);
-    (bin.core, bin.beside) = (Share::default(), [Share::default(); 2]);
-    let mut count = |points: &[PathPoint], add: &dyn Fn(&mut Share)| {
-        for p in points {
-            let off_m = p.offset_m - offset_m;
-            if off_m.abs() <= half_m {
-                add(&mut bin.core);
-            } else if (near_m..far_m).contains(&off_m.abs()) {
-                add(&mut bin.beside[usize::from(off_m > 0.0)]);
-            }
-        }
+    // 0 is the core, then to the left and to the right of the line.
+    let part = |off_m: f64| {
+        let is_beside = (near_m..far_m).contains(&off_m.abs());
+        if off_m.abs() <= half_m { Some(0) } else { is_beside.then_some(1 + usize::from(off_m > 0.0)) }
     };
-    let (bright, road) = (between(&paint.bright, from_m, to_m), between(&paint.road, from_m, to_m));
-    count(bright, &|share| share.bright += 1.0);
-    count(road, &|share| share.road += 1.0);
-    bin.strips = strips(road, offset_m, config);
-    let on: Vec<(f64, f64)> = bright
-        .iter()
-        .map(|p| (p.offset_m - offset_m, f64::from(p.contrast)))
-        .filter(|(off_m, _)| off_m.abs() <= config.half_line_m)
-        .collect();
-    bin.bright = on.len() as f64;
-    bin.off_m = on.iter().map(|p| p.0).sum::<f64>() / bin.bright.max(1.0);
-    bin.contrast = on.iter().map(|p| p.1).sum::<f64>() / bin.bright.max(1.0);
-}
-
-/// Heights of the road beside a line, strip by strip.
-fn strips(road: &[PathPoint], offset_m: f64, config: &LaneConfig) -> [Mean; 4] {
+    let mut shares = [Share::default(); 3];
+    let bright = between(&paint.bright, from_m, to_m);
+    bright.iter().filter_map(|p| part(p.offset_m - offset_m)).for_each(|k| shares[k].bright += 1.0);
+    let strips_end_m = config.half_line_m + 2.0 * config.kerb_within_m;
+    let reach_m = far_m.max(strips_end_m);
     let mut strips = [Mean::default(); 4];
-    for p in road {
-        let off_m = p.offset_m - offset_m;
+    for (station_m, at_m, height_m) in paint.road.near([from_m, to_m], [offset_m - reach_m, offset_m + reach_m]) {
+        if !(from_m..to_m).contains(station_m) {
+            continue;
+        }
+        let off_m = at_m - offset_m;
+        if let Some(k) = part(off_m) {
+            shares[k].road += 1.0;
+        }
         let outwards_m = off_m.abs() - config.half_line_m;
         if outwards_m > 0.0 && outwards_m < 2.0 * config.kerb_within_m {
             let (is_far, is_right) = (outwards_m > config.kerb_within_m, off_m > 0.0);
@@ -153,10 +142,19 @@ fn strips(road: &[PathPoint], offset_m: f64, config: &LaneConfig) -> [Mean; 4] {
                 (true, false) => 2,
                 (true, true) => 3,
             };
-            strips[strip].add(f64::from(p.height_m));
+            strips[strip].add(f64::from(*height_m));
         }
     }
-    strips
+    [bin.core, bin.beside[0], bin.beside[1]] = shares;
+    bin.strips = strips;
+    let on: Vec<(f64, f64)> = bright
+        .iter()
+        .map(|p| (p.offset_m - offset_m, f64::from(p.contrast)))
+        .filter(|(off_m, _)| off_m.abs() <= config.half_line_m)
+        .collect();
+    bin.bright = on.len() as f64;
+    bin.off_m = on.iter().map(|p| p.0).sum::<f64>() / bin.bright.max(1.0);
+    bin.contrast = on.iter().map(|p| p.1).sum::<f64>() / bin.bright.max(1.0);
 }
 
 /// Height of the step in the road along a line, metres: by how much the strips

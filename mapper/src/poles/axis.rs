@@ -17,8 +17,9 @@ pub(super) struct Hit {
     pub above_ground: f64,
     pub from_lidar: Vector2<f64>,
     pub scan: u16,
-    /// Elevation of the ray from the lidar, radians.
-    pub elevation_rad: f64,
+    /// The lidar's height above it, and its horizontal distance, metres.
+    pub below_lidar_m: f64,
+    pub level_m: f64,
     pub range: f64,
     pub reflectance: f32,
 }
@@ -35,10 +36,16 @@ impl Hit {
             above_ground: f64::from(p.height_m),
             from_lidar,
             scan: p.scan,
-            elevation_rad: (sensor.y - p.position.y).atan2(ray.norm()),
+            below_lidar_m: p.position.y - sensor.y,
+            level_m: ray.norm(),
             range: f64::from(p.range_m),
             reflectance: p.reflectance,
         }
+    }
+
+    /// Elevation of the ray from the lidar, radians.
+    fn elevation_rad(&self) -> f64 {
+        (-self.below_lidar_m).atan2(self.level_m)
     }
 }
 
@@ -181,6 +188,60 @@ struct OfScan {
     value: f64,
 }
 
+/// The sums that the normal equations are made of: all rows are
+/// `(a, a t, s)` of a direction `a`, a height `t` and a number `s`, and so most
+/// of the entries of their products are alike.
+#[derive(Default)]
+struct Sums {
+    /// Of `a a^T`, times 1, `t` and `t^2`.
+    directions: [Matrix2<f64>; 3],
+    /// Of `a s`, times 1 and `t`.
+    surface: [Vector2<f64>; 2],
+    /// Of `s^2`.
+    surface_squared: f64,
+    /// Of `a` and the value, times 1 and `t`.
+    values: [Vector2<f64>; 2],
+    /// Of `s` and the value.
+    surface_value: f64,
+}
+
+impl Sums {
+    /// Adds a row. `weighted` is the direction times the weight of the row.
+    fn add(&mut self, axis: &Vector2<f64>, weighted: &Vector2<f64>, t: f64, of_surface: f64, value: f64) {
+        let product = weighted * axis.transpose();
+        self.directions[0] += product;
+        self.directions[1] += product * t;
+        self.directions[2] += product * (t * t);
+        self.values[0] += weighted * value;
+        self.values[1] += weighted * (value * t);
+        if of_surface != 0.0 {
+            let surface = weighted * of_surface;
+            self.surface[0] += surface;
+            self.surface[1] += surface * t;
+            // The direction has length 1.
+            let weight = surface.dot(axis);
+            self.surface_squared += weight * of_surface;
+            self.surface_value += weight * value;
+        }
+    }
+
+    /// The normal matrix and its right-hand side.
+    fn equations(&self) -> (Matrix5<f64>, Vector5<f64>) {
+        let (mut h, mut g) = (Matrix5::zeros(), Vector5::zeros());
+        for (row, column, block) in [(0, 0, 0), (0, 2, 1), (2, 0, 1), (2, 2, 2)] {
+            h.fixed_view_mut::<2, 2>(row, column).copy_from(&self.directions[block]);
+        }
+        for k in 0..2 {
+            h.fixed_view_mut::<2, 1>(2 * k, 4).copy_from(&self.surface[k]);
+            h.fixed_view_mut::<1, 2>(4, 2 * k).copy_from(&self.surface[k].transpose());
+            g.fixed_rows_mut::<2>(2 * k).copy_from(&self.values[k]);
+        }
+        h[(4, 4)] = self.surface_squared;
+        g[4] = self.surface_value;
+        (h, g)
+    }
+}
+
 /// Robust least squares for base, slope and the distance of the surface:
 /// linear in all five, with priors that hold what short stacks and views from
 /// one side leave open.
@@ -201,7 +262,7 @@ pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, config: &PoleConf
     for _ in 0..8 {
         let radius = radius_across(hits, &axis, config);
         let scale = config.hit_noise_m.powi(2) + (SHELL_SPREAD * radius).powi(2);
-        let (mut h, mut g) = (Matrix5::zeros(), Vector5::zeros());
+        let mut sums = Sums::default();
         let mut of_scans = vec![[none; 2]; scans];
         for (hit, of_beam_m2) in hits.iter().zip(&of_beam_m2) {
             let scaled = axis.residual(hit).norm_squared() / (scale + shift);
@@ -213,16 +274,17 @@ pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, config: &PoleConf
             // told along the view and across it.
             let equations = [(along, -1.0, robust / (scale + of_beam_m2)), (across, 0.0, robust / scale)];
             for (k, (axis, of_surface, weight)) in equations.into_iter().enumerate() {
-                let row = Vector5::new(axis.x, axis.y, axis.x * t, axis.y * t, of_surface);
+                let weighted = axis * weight;
                 let value = hit.at.dot(&axis);
-                h += row * row.transpose() * weight;
-                g += row * (value * weight);
+                sums.add(&axis, &weighted, t, of_surface, value);
                 let sum = &mut of_scans[usize::from(hit.scan)][k];
-                sum.row += row * weight;
+                sum.row +=
+                    Vector5::new(weighted.x, weighted.y, weighted.x * t, weighted.y * t, of_surface * weight);
                 sum.weight += weight;
                 sum.value += value * weight;
             }
         }
+        let (mut h, mut g) = sums.equations();
         for sum in of_scans.iter().flatten() {
             let known = shift / (1.0 + shift * sum.weight);
             h -= sum.row * sum.row.transpose() * known;
@@ -251,7 +313,7 @@ pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, config: &PoleConf
 
 /// For each hit, how many hits of its scan are of its beam, itself included.
 fn hits_of_beam(hits: &[Hit], config: &PoleConfig) -> Vec<f64> {
-    let beam = |hit: &Hit| (hit.scan, (hit.elevation_rad / config.beam_step_rad).round() as i64);
+    let beam = |hit: &Hit| (hit.scan, (hit.elevation_rad() / config.beam_step_rad).round() as i64);
     let mut beams: Vec<(u16, i64)> = hits.iter().map(beam).collect();
     beams.sort_unstable();
     let count = |of: (u16, i64)| beams.partition_point(|b| *b <= of) - beams.partition_point(|b| *b < of);
@@ -330,7 +392,8 @@ mod tests {
                 above_ground: height,
                 from_lidar,
                 scan,
-                elevation_rad: 0.03 * f64::from(beam),
+                below_lidar_m: -8.0 * (0.03 * f64::from(beam)).sin(),
+                level_m: 8.0 * (0.03 * f64::from(beam)).cos(),
                 range: 8.0,
                 reflectance: 0.3,
             }

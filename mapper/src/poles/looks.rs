@@ -1,12 +1,11 @@
 //! What moves, told by comparing scans: where something stood in one scan and
 //! another looks through, there is no pole.
 
-use std::f64::consts::PI;
-
 use nalgebra::{Point3, Vector2};
+use rayon::prelude::*;
 
 use super::{FittedPole, PoleConfig};
-use crate::cloud::Cloud;
+use crate::cloud::{Cloud, CloudPoint};
 use crate::lidar::LidarConfig;
 
 /// Sectors of the horizon by which the points of a scan find the poles that
@@ -20,11 +19,19 @@ struct Look {
     /// Direction from the lidar to the middle of what is seen of it, map (x, z).
     view: Vector2<f64>,
     distance_m: f64,
-    /// Points on it.
+}
+
+/// What the points of a scan say of a look.
+#[derive(Clone, Copy, Default)]
+struct Told {
+    /// Points on the pole.
     on: u32,
     /// Points behind it whose beams went through it.
     through: u32,
 }
+
+/// Points that are looked at together: integers are counted, in whatever order.
+const PART: usize = 1 << 16;
 
 /// For each pole the share of the views that looked through it, of all that
 /// would have hit it with every beam.
@@ -44,23 +51,21 @@ pub(super) fn looked_through(
             let distance_m = off.norm();
             let every_beam_hits = distance_m * lidar.azimuth_step_rad <= 2.0 * fitted.radius_m;
             let Some(view) = off.try_normalize(config.core_radius_m).filter(|_| every_beam_hits) else { continue };
-            let half_rad = (config.core_radius_m / distance_m).atan();
-            let azimuth = view.y.atan2(view.x);
+            let aside = Vector2::new(-view.y, view.x) * (config.core_radius_m / distance_m);
             let name = looks.len() as u32;
-            let (first, last) = (sector_floor(azimuth - half_rad), sector_floor(azimuth + half_rad));
-            for sector in first..=last {
-                sectors[scan * SECTORS + sector.rem_euclid(SECTORS as i64) as usize].push(name);
+            let (first, last) = (sector(&(view - aside)), sector(&(view + aside)));
+            for k in 0..=(last + SECTORS - first) % SECTORS {
+                sectors[scan * SECTORS + (first + k) % SECTORS].push(name);
             }
-            looks.push(Look { pole, scan, view, distance_m, on: 0, through: 0 });
+            looks.push(Look { pole, scan, view, distance_m });
         }
     }
-    for p in &cloud.points {
+    let count = |told: &mut [Told], p: &CloudPoint| {
         let scan = usize::from(p.scan);
         let sensor = cloud.sensor_map[scan];
         let off = Vector2::new(p.position.x - sensor.x, p.position.z - sensor.z);
-        let sector = sector_floor(off.y.atan2(off.x)).rem_euclid(SECTORS as i64) as usize;
-        for name in &sectors[scan * SECTORS + sector] {
-            let look = &mut looks[*name as usize];
+        for name in &sectors[scan * SECTORS + sector(&off)] {
+            let (look, told) = (&looks[*name as usize], &mut told[*name as usize]);
             let along = off.dot(&look.view);
             let behind_m = along - look.distance_m;
             if behind_m < -config.core_radius_m {
@@ -71,21 +76,31 @@ pub(super) fn looked_through(
             let pole = poles[look.pole];
             let Some(across_m) = beside_m(pole, &at, look.view) else { continue };
             if behind_m <= config.core_radius_m {
-                look.on += u32::from(across_m <= config.core_radius_m);
+                told.on += u32::from(across_m <= config.core_radius_m);
             } else if behind_m > config.ring_outer_m {
-                look.through += u32::from(across_m <= pole.radius_m);
+                told.through += u32::from(across_m <= pole.radius_m);
             }
         }
-    }
+    };
+    let parts: Vec<Vec<Told>> = cloud
+        .points
+        .par_chunks(PART)
+        .map(|part| {
+            let mut told = vec![Told::default(); looks.len()];
+            part.iter().for_each(|p| count(&mut told, p));
+            told
+        })
+        .collect();
     let mut share = vec![(0.0, 0.0); poles.len()];
-    for look in &looks {
+    for (k, look) in looks.iter().enumerate() {
+        let (on, through) = parts.iter().fold((0, 0), |sum, part| (sum.0 + part[k].on, sum.1 + part[k].through));
         let weight = cloud.view_weight[look.scan];
-        let (all, through) = &mut share[look.pole];
-        if look.on > 0 {
+        let (all, looked_through) = &mut share[look.pole];
+        if on > 0 {
             *all += weight;
-        } else if look.through >= config.fewest_beams_through {
+        } else if through >= config.fewest_beams_through {
             *all += weight;
-            *through += weight;
+            *looked_through += weight;
         }
     }
     share.into_iter().map(|(all, through)| if all > 0.0 { through / all } else { 0.0 }).collect()
@@ -103,6 +118,10 @@ fn beside_m(pole: &FittedPole, at: &Point3<f64>, view: Vector2<f64>) -> Option<f
     Some(Vector2::new(at.x - axis.x, at.z - axis.z).perp(&view).abs())
 }
 
-fn sector_floor(azimuth_rad: f64) -> i64 {
-    (azimuth_rad / (2.0 * PI) * SECTORS as f64).floor() as i64
+/// Sector of the horizon that a direction, map (x, z), falls in. They are even
+/// on the square whose corners are on the axes: no angle need be computed.
+fn sector(direction: &Vector2<f64>) -> usize {
+    let share = direction.y / (direction.x.abs() + direction.y.abs());
+    let quarters = if direction.x < 0.0 { 3.0 - share } else { 1.0 + share };
+    ((quarters / 4.0 * SECTORS as f64) as usize).min(SECTORS - 1)
 }

@@ -2,7 +2,7 @@
 //! surfaces of voxels, robustly weighted.
 
 use common::geometry::{Pose, Tangent, retract};
-use nalgebra::{Matrix3, Matrix6, SMatrix};
+use nalgebra::{Matrix6, Point3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -121,9 +121,10 @@ fn accumulate<'a>(
     same_plane_cos: f64,
 ) -> Normal {
     let rotation = *pose.rotation.to_rotation_matrix().matrix();
+    let back = rotation.transpose();
     let mut sum = Normal::zero();
     for (ScanSurface { surface }, last) in scan.iter().zip(targets) {
-        let moved = pose * surface.mean;
+        let moved = Point3::from(rotation * surface.mean.coords + pose.translation.vector);
         let Some(target) = map.surface_again(&moved, last) else { continue };
         if let (Some(a), Some(b)) = (surface.normal, target.normal)
             && (rotation * a).dot(&b).abs() < same_plane_cos
@@ -131,25 +132,29 @@ fn accumulate<'a>(
             continue;
         }
         sum.matched += 1;
-        let residual = target.constrained * (moved - target.mean);
+        let squared_m2 = target.squared_distance_m2(&moved);
         let variance = target.sigma_m.powi(2) + surface.sigma_m.powi(2);
-        let scaled = residual.norm_squared() / (variance * robust_sigmas.powi(2));
+        let scaled = squared_m2 / (variance * robust_sigmas.powi(2));
         let weight = 1.0 / (variance * (1.0 + scaled));
-        // d(T (+) delta) p / d delta = R [I | -p^]
-        let cross: Matrix3<f64> = surface.mean.coords.cross_matrix();
-        let mut j = SMatrix::<f64, 3, 6>::zeros();
-        j.fixed_columns_mut::<3>(0).copy_from(&(target.constrained * rotation));
-        j.fixed_columns_mut::<3>(3).copy_from(&(target.constrained * (-rotation * cross)));
-        // Both halves are the same: the lower one is filled.
-        for column in 0..6 {
-            let b = j.column(column);
-            for row in column..6 {
-                sum.h[(row, column)] += j.column(row).dot(&b) * weight;
+        let off = moved - target.mean;
+        let directions = if target.normal.is_some() { 1 } else { 2 };
+        for axis in &target.constrained[..directions] {
+            // n^T d(T (+) delta) p / d delta = n^T R [I | -p^], and with
+            // b = R^T n that is [b^T | (p x b)^T].
+            let turned = back * axis;
+            let arm = surface.mean.coords.cross(&turned);
+            let row = Tangent::new(turned.x, turned.y, turned.z, arm.x, arm.y, arm.z);
+            let weighted = row * weight;
+            // Both halves are the same: the lower one is filled.
+            for k in 0..6 {
+                for i in k..6 {
+                    sum.h[(i, k)] += row[i] * weighted[k];
+                }
             }
+            sum.g += weighted * axis.dot(&off);
         }
-        sum.g += j.transpose() * residual * weight;
         sum.weight += weight;
-        sum.cost_m2 += residual.norm_squared() * weight;
+        sum.cost_m2 += squared_m2 * weight;
     }
     sum.h.fill_upper_triangle_with_lower_triangle();
     sum
@@ -203,7 +208,6 @@ pub fn align(map: &LocalMap, scan: &[ScanSurface], guess: &Pose, config: &AlignC
 mod tests {
     use super::*;
     use crate::voxel::voxel_moments;
-    use nalgebra::Point3;
 
     /// Ground, a wall with a corner and three poles, in the map.
     fn world() -> Vec<Point3<f64>> {

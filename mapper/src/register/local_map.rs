@@ -5,7 +5,7 @@ use std::collections::hash_map::Entry;
 use std::sync::OnceLock;
 
 use common::geometry::Pose;
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
@@ -16,9 +16,9 @@ use crate::voxel::{Moments, VoxelKey};
 pub struct Surface {
     /// Mean of its points, metres.
     pub mean: Point3<f64>,
-    /// Projector on the directions in which the surface constrains a point:
-    /// the normal of a plane, both normals of a rod.
-    pub constrained: Matrix3<f64>,
+    /// Directions in which the surface constrains a point: the normal of a
+    /// plane (the second is then zero), both normals of a rod.
+    pub constrained: [Vector3<f64>; 2],
     /// Standard deviation of the points in those directions, metres.
     pub sigma_m: f64,
     /// Normal of a planar voxel.
@@ -58,14 +58,13 @@ impl Surface {
             return None;
         }
         let (sigma, axis) = moments.axes();
-        let outer = |v: &Vector3<f64>| v * v.transpose();
         let mean = moments.mean;
         // Planes constrain along their normal alone: within the plane the
         // mean follows the pattern of the beams, which moves with the sensor.
         if sigma[2] < config.flatness * sigma[1] && sigma[1] > config.narrowest * sigma[0] {
             return Some(Self {
                 mean,
-                constrained: outer(&axis[2]),
+                constrained: [axis[2], Vector3::zeros()],
                 sigma_m: sigma[2].max(config.range_sigma_m),
                 normal: Some(axis[2]),
             });
@@ -73,7 +72,7 @@ impl Surface {
         if sigma[1] < config.flatness * sigma[0] {
             return Some(Self {
                 mean,
-                constrained: outer(&axis[1]) + outer(&axis[2]),
+                constrained: [axis[1], axis[2]],
                 sigma_m: sigma[1].max(config.range_sigma_m),
                 normal: None,
             });
@@ -83,6 +82,12 @@ impl Surface {
         // and left the forward motion 0.1 m off where planes and rods agree
         // with the survey to 0.015 m.
         None
+    }
+
+    /// Squared distance of a point, metres^2.
+    pub fn squared_distance_m2(&self, point: &Point3<f64>) -> f64 {
+        let off = point - self.mean;
+        self.constrained.iter().map(|axis| axis.dot(&off).powi(2)).sum()
     }
 }
 

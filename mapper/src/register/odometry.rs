@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use common::geometry::Pose;
-use nalgebra::{Matrix6, Point3};
+use nalgebra::Matrix6;
 use rayon::prelude::*;
 
 use super::align::{AlignConfig, ScanSurface, align, scan_surfaces};
@@ -66,8 +66,8 @@ impl ScanCells {
 pub(super) fn read_cells(drive: &Drive, frame: usize, config: &AlignConfig) -> Result<Vec<Moments>> {
     let range = config.nearest_m.powi(2)..config.farthest_m.powi(2);
     let scan = drive.read(frame, 0.0)?;
-    let used: Vec<Point3<f64>> = scan.points.into_iter().filter(|p| range.contains(&p.coords.norm_squared())).collect();
-    Ok(voxel_moments(&used, config.scan_voxel_m))
+    let used = scan.points.iter().filter(|p| range.contains(&p.coords.norm_squared()));
+    Ok(voxel_moments(used, config.scan_voxel_m))
 }
 
 /// The voxels of a scan raised by an angle.

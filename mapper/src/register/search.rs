@@ -73,8 +73,7 @@ pub(super) fn shifted(map: &LocalMap, scan: &[ScanSurface], guess: &Pose, config
 fn closeness(map: &LocalMap, ScanSurface { surface }: &ScanSurface, pose: &Pose, tolerance_m: f64) -> f64 {
     let moved = pose * surface.mean;
     map.surface_at(&moved).map_or(0.0, |target| {
-        let off = (target.constrained * (moved - target.mean)).norm() / tolerance_m;
-        (1.0 - off * off).max(0.0)
+        (1.0 - target.squared_distance_m2(&moved) / tolerance_m.powi(2)).max(0.0)
     })
 }
 

@@ -156,7 +156,8 @@ impl Cloud {
             registration.report.vertical_angle_rad,
             |frame, scan| {
                 let map_from_velodyne = map_from_camera[frame] * drive.camera_from_velodyne;
-                let (rotation, sensor) = (map_from_velodyne.rotation.to_rotation_matrix(), map_from_velodyne.translation);
+                let (rotation, sensor) =
+                    (map_from_velodyne.rotation.to_rotation_matrix(), map_from_velodyne.translation);
                 let contrasts = Contrasts::new(&scan, &settings.lanes.contrast);
                 let number = frames.partition_point(|f| *f < frame) as u16;
                 let mut stitched = Vec::with_capacity(scan.points.len());
@@ -301,18 +302,6 @@ impl ByCell {
         starts.copy_within(..grid.len(), 1);
         starts[0] = 0;
         Self { points: by_cell, starts }
-    }
-
-    /// Indices of the points, cell by cell.
-    pub fn indices(&self) -> impl Iterator<Item = usize> {
-        self.points.iter().map(|i| *i as usize)
-    }
-
-    /// Which of [`Self::indices`] lie in some columns of a row; `grid` is that
-    /// of [`Self::new`].
-    pub fn row(&self, grid: &Grid, row: usize, columns: std::ops::Range<usize>) -> std::ops::Range<usize> {
-        let first = row * grid.width;
-        self.starts[first + columns.start] as usize..self.starts[first + columns.end.max(columns.start)] as usize
     }
 
     /// Indices of the points whose cell is within so many of the one at map

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use nalgebra::Point2;
 
 use super::LaneConfig;
-use crate::cloud::{ByCell, Cloud, CloudPoint};
+use crate::cloud::{Cloud, CloudPoint};
 use crate::grid::Grid;
 
 /// A ground point by its place beside the path.
@@ -32,11 +32,23 @@ pub struct Paint {
 /// Road points by cell of station and offset: a line is asked for what is
 /// beside it, and most of the road is not.
 pub struct RoadPoints {
-    /// Station, offset and height of each, metres.
-    points: Vec<(f64, f64, f32)>,
+    /// Cell by cell.
+    points: Vec<RoadPoint>,
     /// Cells over (offset, station).
     grid: Grid,
-    by_cell: ByCell,
+    /// Where each cell begins in `points`.
+    starts: Vec<u32>,
+}
+
+/// A point of the road.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct RoadPoint {
+    /// Station along the path, metres.
+    pub station_m: f32,
+    /// Offset to the right of the path, metres.
+    pub offset_m: f32,
+    /// Height in the map frame, metres, up.
+    pub height_m: f32,
 }
 
 /// Edge of the cells of road points, metres: half of the strip that a line is
@@ -44,18 +56,30 @@ pub struct RoadPoints {
 const CELL_M: f64 = 0.5;
 
 impl RoadPoints {
-    fn new(points: Vec<(f64, f64, f32)>, (from_m, to_m): (f64, f64), config: &LaneConfig) -> Self {
+    /// Counting sort of the points of the parts of a cloud.
+    fn new(parts: &[Vec<RoadPoint>], (from_m, to_m): (f64, f64), config: &LaneConfig) -> Self {
         let half_m = config.half_width_m;
         let grid = Grid::covering(Point2::new(-half_m, from_m), Point2::new(half_m, to_m), CELL_M);
-        let by_cell = ByCell::new(&points, &grid, |p| grid.index(&Point2::new(p.1, p.0)));
-        let points = by_cell.indices().map(|i| points[i]).collect();
-        Self { points, grid, by_cell }
+        let cell = |p: &RoadPoint| grid.index(&Point2::new(f64::from(p.offset_m), f64::from(p.station_m)));
+        let mut starts = vec![0_u32; grid.len() + 1];
+        parts.iter().flatten().filter_map(cell).for_each(|c| starts[c + 1] += 1);
+        for i in 1..starts.len() {
+            starts[i] += starts[i - 1];
+        }
+        let mut points = vec![RoadPoint::default(); starts.last().map_or(0, |n| *n as usize)];
+        for (c, p) in parts.iter().flatten().filter_map(|p| Some((cell(p)?, p))) {
+            points[starts[c] as usize] = *p;
+            starts[c] += 1;
+        }
+        // Each start has moved on to the next one.
+        starts.copy_within(..grid.len(), 1);
+        starts[0] = 0;
+        Self { points, grid, starts }
     }
 
-    /// Station, offset and height of the points in the cells that touch a
-    /// rectangle of stations and offsets, metres: of those in it, and of a few
-    /// more.
-    pub fn near(&self, stations_m: [f64; 2], offsets_m: [f64; 2]) -> impl Iterator<Item = &(f64, f64, f32)> {
+    /// The points in the cells that touch a rectangle of stations and offsets,
+    /// metres: those in it, and a few more.
+    pub fn near(&self, stations_m: [f64; 2], offsets_m: [f64; 2]) -> impl Iterator<Item = &RoadPoint> {
         let cells = |m: [f64; 2], low_m: f64, count: usize| {
             // Below 0 the cast gives 0: the first cell.
             let cell = |m: f64| ((m - low_m) / self.grid.cell_m) as usize;
@@ -63,7 +87,10 @@ impl RoadPoints {
         };
         let (first, end) = cells(offsets_m, self.grid.origin.x, self.grid.width);
         let rows = cells(stations_m, self.grid.origin.y, self.grid.height);
-        (rows.0..rows.1).flat_map(move |z| &self.points[self.by_cell.row(&self.grid, z, first..end)])
+        (rows.0..rows.1).flat_map(move |row| {
+            let row = row * self.grid.width;
+            &self.points[self.starts[row + first] as usize..self.starts[row + end.max(first)] as usize]
+        })
     }
 }
 
@@ -80,14 +107,15 @@ impl Paint {
                 contrast,
             })
         };
-        let parts: Vec<(Vec<PathPoint>, Vec<(f64, f64, f32)>)> = cloud
+        let parts: Vec<(Vec<PathPoint>, Vec<RoadPoint>)> = cloud
             .points
             .par_chunks(PART)
             .map(|part| {
                 let mut bright = Vec::new();
-                let mut road = Vec::with_capacity(part.len());
+                let mut road = Vec::new();
                 for p in part.iter().filter_map(place) {
-                    road.push((p.station_m, p.offset_m, p.height_m));
+                    let (station_m, offset_m) = (p.station_m as f32, p.offset_m as f32);
+                    road.push(RoadPoint { station_m, offset_m, height_m: p.height_m });
                     if p.contrast >= config.least_contrast {
                         bright.push(p);
                     }
@@ -100,7 +128,7 @@ impl Paint {
         // Stable: points of one station keep the order of the scans.
         bright.sort_by(|a, b| a.station_m.total_cmp(&b.station_m));
         let stations_m = (cloud.path.start_station_m(), cloud.path.end_station_m() + CELL_M);
-        Self { bright, road: RoadPoints::new(road.concat(), stations_m, config) }
+        Self { bright, road: RoadPoints::new(&road, stations_m, config) }
     }
 }
 

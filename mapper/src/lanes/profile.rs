@@ -125,11 +125,11 @@ fn fill(bin: &mut Bin, paint: &Paint, half_m: f64, config: &LaneConfig) {
     let strips_end_m = config.half_line_m + 2.0 * config.kerb_within_m;
     let reach_m = far_m.max(strips_end_m);
     let mut strips = [Mean::default(); 4];
-    for (station_m, at_m, height_m) in paint.road.near([from_m, to_m], [offset_m - reach_m, offset_m + reach_m]) {
-        if !(from_m..to_m).contains(station_m) {
+    for point in paint.road.near([from_m, to_m], [offset_m - reach_m, offset_m + reach_m]) {
+        if !(from_m..to_m).contains(&f64::from(point.station_m)) {
             continue;
         }
-        let off_m = at_m - offset_m;
+        let off_m = f64::from(point.offset_m) - offset_m;
         if let Some(k) = part(off_m) {
             shares[k].road += 1.0;
         }
@@ -142,7 +142,7 @@ fn fill(bin: &mut Bin, paint: &Paint, half_m: f64, config: &LaneConfig) {
                 (true, false) => 2,
                 (true, true) => 3,
             };
-            strips[strip].add(f64::from(*height_m));
+            strips[strip].add(f64::from(point.height_m));
         }
     }
     [bin.core, bin.beside[0], bin.beside[1]] = shares;

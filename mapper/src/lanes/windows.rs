@@ -115,25 +115,38 @@ fn candidates(points: &[PathPoint], centre_m: f64, config: &LaneConfig) -> Vec<(
     let beside = (config.beside_line_m / CELL_M).round() as usize;
     let margin = half + beside;
     let cells = ((high - low) / CELL_M).ceil() as usize + 2 * margin + 1;
-    let mut votes = vec![Votes::default(); cells];
+    let mut votes = vec![0_u16; cells];
+    // Of one bin: points in each cell, and in as many as a line is wide.
+    let (mut here, mut wide) = (vec![0_u16; cells], vec![0_u16; cells]);
+    let bins: Vec<&[PathPoint]> = points
+        .chunk_by(|a, b| bin_of(a.station_m - start_m, config) == bin_of(b.station_m - start_m, config))
+        .collect();
     let mut found: Vec<(WindowLine, f64)> = Vec::new();
     for step in -slopes..=slopes {
         let slope = steepest * f64::from(step) / f64::from(slopes);
-        votes.fill(Votes::default());
-        for p in points {
-            let bin = bin_of(p.station_m - start_m, config);
-            let middle_m = p.offset_m - slope * (p.station_m - centre_m);
-            let cell = ((middle_m - low) / CELL_M) as usize + margin;
-            for vote in &mut votes[cell - half..=cell + half] {
-                vote.count(bin, config.most_bin_points);
+        votes.fill(0);
+        for bin in &bins {
+            here.fill(0);
+            for p in *bin {
+                let middle_m = p.offset_m - slope * (p.station_m - centre_m);
+                let count = &mut here[((middle_m - low) / CELL_M) as usize + margin];
+                *count = count.saturating_add(1);
             }
+            wide.copy_from_slice(&here);
+            for k in 1..=half {
+                wide.iter_mut().zip(&here[k..]).for_each(|(sum, n)| *sum = sum.saturating_add(*n));
+                wide[k..].iter_mut().zip(&here).for_each(|(sum, n)| *sum = sum.saturating_add(*n));
+            }
+            let most = config.most_bin_points;
+            votes.iter_mut().zip(&wide).for_each(|(sum, n)| *sum = sum.saturating_add(*n.min(&most)));
         }
         for c in margin..cells - margin {
             // The middle of a line is a peak among its cells.
-            if votes[c].all < votes[c - 1].all || votes[c].all < votes[c + 1].all {
+            if votes[c] < votes[c - 1] || votes[c] < votes[c + 1] {
                 continue;
             }
-            if let Some(score) = more_than_beside(votes[c], [votes[c - beside], votes[c + beside]], config) {
+            let all = |c: usize| Votes { all: votes[c], ..Votes::default() };
+            if let Some(score) = more_than_beside(all(c), [all(c - beside), all(c + beside)], config) {
                 let middle_m = low + ((c - margin) as f64 + 0.5) * CELL_M;
                 found.push((WindowLine { centre_m, middle_m, slope }, score));
             }

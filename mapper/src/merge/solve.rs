@@ -1,5 +1,7 @@
 //! Weighted linear least squares with few unknowns in each equation.
 
+use rayon::prelude::*;
+
 /// Equations `sum_k value_k x_(column_k) = right`, each with a weight, in
 /// compressed rows.
 #[derive(Debug, Default)]
@@ -39,47 +41,35 @@ impl Equations {
         self.columns[range.clone()].iter().map(|&column| column as usize).zip(self.values[range].iter().copied())
     }
 
-    /// `A^T W (A x - right * with_right)`.
-    fn gradient(&self, x: &[f64], with_right: f64, out: &mut [f64]) {
-        out.fill(0.0);
-        for index in 0..self.len() {
-            let product: f64 = self.row(index).map(|(column, value)| value * x[column]).sum();
-            let residual = self.weights[index] * (product - with_right * self.right[index]);
-            for (column, value) in self.row(index) {
-                out[column] += value * residual;
-            }
-        }
-    }
-
     /// Improves `x` to the least squares solution: conjugate gradients on the
     /// normal equations with a diagonal preconditioner (Hestenes and Stiefel
-    /// 1952). Unknowns in no equation stay as they are. On one thread, so that
-    /// sums have one order.
-    pub fn solve(&self, x: &mut [f64]) {
-        let mut diagonal = vec![0.0; x.len()];
+    /// 1952). Unknowns in no equation stay as they are. Each sum has one order,
+    /// on any number of threads.
+    pub fn solve(self, x: &mut [f64]) {
+        let mut residual = vec![0.0; x.len()];
         for index in 0..self.len() {
             for (column, value) in self.row(index) {
-                diagonal[column] += self.weights[index] * value * value;
+                residual[column] += value * self.weights[index] * self.right[index];
             }
         }
+        let normal = Normal::of(&self, x.len());
+        drop(self);
+        let diagonal = normal.diagonal();
         let precondition = |r: &[f64]| -> Vec<f64> {
             r.iter().zip(&diagonal).map(|(r, d)| if *d > 0.0 { r / d } else { 0.0 }).collect()
         };
         let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
-        let mut residual = vec![0.0; x.len()];
-        self.gradient(x, 1.0, &mut residual);
-        for r in &mut residual {
-            *r = -*r;
-        }
+        let mut image = vec![0.0; x.len()];
+        normal.times(x, &mut image);
+        residual.iter_mut().zip(&image).for_each(|(r, i)| *r -= i);
         let mut direction = precondition(&residual);
         let mut size = dot(&residual, &direction);
         let enough = size * TOLERANCE * TOLERANCE;
-        let mut image = vec![0.0; x.len()];
         for _ in 0..STEPS {
             if size <= enough || size.is_nan() {
                 break;
             }
-            self.gradient(&direction, 0.0, &mut image);
+            normal.times(&direction, &mut image);
             let step = size / dot(&direction, &image);
             for index in 0..x.len() {
                 x[index] += step * direction[index];
@@ -92,6 +82,75 @@ impl Equations {
             }
             size = next;
         }
+    }
+}
+
+/// `A^T W A` in compressed rows. Many equations tie the same few unknowns, and
+/// each pair of these has one entry here.
+struct Normal {
+    starts: Vec<usize>,
+    columns: Vec<u32>,
+    values: Vec<f64>,
+}
+
+/// Rows that one thread multiplies at a time.
+const ROWS: usize = 4096;
+
+impl Normal {
+    /// Row by row (Gustavson 1978): the sum of the equations in which its
+    /// unknown stands.
+    fn of(equations: &Equations, unknowns: usize) -> Self {
+        let mut begins = vec![0_usize; unknowns + 1];
+        equations.columns.iter().for_each(|column| begins[*column as usize + 1] += 1);
+        for i in 1..begins.len() {
+            begins[i] += begins[i - 1];
+        }
+        // Of each unknown, the equations with it and its factors there.
+        let mut within = vec![(0_u32, 0.0); equations.columns.len()];
+        let mut next = begins.clone();
+        for index in 0..equations.len() {
+            for (column, value) in equations.row(index) {
+                within[next[column]] = (index as u32, value * equations.weights[index]);
+                next[column] += 1;
+            }
+        }
+        let mut normal = Self { starts: vec![0], columns: Vec::new(), values: Vec::new() };
+        // Where the entry of a column stands in the present row.
+        let mut places = vec![usize::MAX; unknowns];
+        for unknown in 0..unknowns {
+            let start = normal.columns.len();
+            for (index, factor) in &within[begins[unknown]..begins[unknown + 1]] {
+                for (column, value) in equations.row(*index as usize) {
+                    // Places of earlier rows lie before this one's.
+                    if places[column] == usize::MAX || places[column] < start {
+                        places[column] = normal.columns.len();
+                        normal.columns.push(column as u32);
+                        normal.values.push(0.0);
+                    }
+                    normal.values[places[column]] += factor * value;
+                }
+            }
+            normal.starts.push(normal.columns.len());
+        }
+        normal
+    }
+
+    fn row(&self, index: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let range = self.starts[index]..self.starts[index + 1];
+        self.columns[range.clone()].iter().map(|column| *column as usize).zip(self.values[range].iter().copied())
+    }
+
+    fn diagonal(&self) -> Vec<f64> {
+        let own = |index: usize| self.row(index).find(|(column, _)| *column == index).map_or(0.0, |(_, value)| value);
+        (0..self.starts.len() - 1).map(own).collect()
+    }
+
+    fn times(&self, x: &[f64], out: &mut [f64]) {
+        out.par_chunks_mut(ROWS).enumerate().for_each(|(part, out)| {
+            for (k, out) in out.iter_mut().enumerate() {
+                *out = self.row(part * ROWS + k).map(|(column, value)| value * x[column]).sum();
+            }
+        });
     }
 }
 

@@ -7,6 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::PoleConfig;
+use super::normal::Sums;
 use crate::cloud::{Cloud, CloudPoint};
 
 /// A point near a stack: place, height along -y, and direction from the lidar.
@@ -188,60 +189,6 @@ struct OfScan {
     value: f64,
 }
 
-/// The sums that the normal equations are made of: all rows are
-/// `(a, a t, s)` of a direction `a`, a height `t` and a number `s`, and so most
-/// of the entries of their products are alike.
-#[derive(Default)]
-struct Sums {
-    /// Of `a a^T`, times 1, `t` and `t^2`.
-    directions: [Matrix2<f64>; 3],
-    /// Of `a s`, times 1 and `t`.
-    surface: [Vector2<f64>; 2],
-    /// Of `s^2`.
-    surface_squared: f64,
-    /// Of `a` and the value, times 1 and `t`.
-    values: [Vector2<f64>; 2],
-    /// Of `s` and the value.
-    surface_value: f64,
-}
-
-impl Sums {
-    /// Adds a row. `weighted` is the direction times the weight of the row.
-    fn add(&mut self, axis: &Vector2<f64>, weighted: &Vector2<f64>, t: f64, of_surface: f64, value: f64) {
-        let product = weighted * axis.transpose();
-        self.directions[0] += product;
-        self.directions[1] += product * t;
-        self.directions[2] += product * (t * t);
-        self.values[0] += weighted * value;
-        self.values[1] += weighted * (value * t);
-        if of_surface != 0.0 {
-            let surface = weighted * of_surface;
-            self.surface[0] += surface;
-            self.surface[1] += surface * t;
-            // The direction has length 1.
-            let weight = surface.dot(axis);
-            self.surface_squared += weight * of_surface;
-            self.surface_value += weight * value;
-        }
-    }
-
-    /// The normal matrix and its right-hand side.
-    fn equations(&self) -> (Matrix5<f64>, Vector5<f64>) {
-        let (mut h, mut g) = (Matrix5::zeros(), Vector5::zeros());
-        for (row, column, block) in [(0, 0, 0), (0, 2, 1), (2, 0, 1), (2, 2, 2)] {
-            h.fixed_view_mut::<2, 2>(row, column).copy_from(&self.directions[block]);
-        }
-        for k in 0..2 {
-            h.fixed_view_mut::<2, 1>(2 * k, 4).copy_from(&self.surface[k]);
-            h.fixed_view_mut::<1, 2>(4, 2 * k).copy_from(&self.surface[k].transpose());
-            g.fixed_rows_mut::<2>(2 * k).copy_from(&self.values[k]);
-        }
-        h[(4, 4)] = self.surface_squared;
-        g[4] = self.surface_value;
-        (h, g)
-    }
-}
-
 /// Robust least squares for base, slope and the distance of the surface:
 /// linear in all five, with priors that hold what short stacks and views from
 /// one side leave open.
@@ -278,8 +225,7 @@ pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, config: &PoleConf
                 let value = hit.at.dot(&axis);
                 sums.add(&axis, &weighted, t, of_surface, value);
                 let sum = &mut of_scans[usize::from(hit.scan)][k];
-                sum.row +=
-                    Vector5::new(weighted.x, weighted.y, weighted.x * t, weighted.y * t, of_surface * weight);
+                sum.row += Vector5::new(weighted.x, weighted.y, weighted.x * t, weighted.y * t, of_surface * weight);
                 sum.weight += weight;
                 sum.value += value * weight;
             }
@@ -305,11 +251,20 @@ pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, config: &PoleConf
         let Some(solver) = h.cholesky() else { return axis };
         let s = solver.solve(&g);
         let slope = Vector2::new(s[2], s[3]);
+        let before = axis;
         axis =
             Axis { base: Vector2::new(s[0], s[1]) - slope * middle, slope, before_m: s[4].max(0.0), slope_covariance };
+        let moved_m = (axis.at(middle) - before.at(middle)).amax().max((axis.before_m - before.before_m).abs());
+        if moved_m < SETTLED && (axis.slope - before.slope).amax() < SETTLED {
+            break;
+        }
     }
     axis
 }
+
+/// A refinement has settled where its steps are smaller than this, metres and
+/// radians: the map is rounded to a thousand times as much and more.
+const SETTLED: f64 = 1e-6;
 
 /// For each hit, how many hits of its scan are of its beam, itself included.
 fn hits_of_beam(hits: &[Hit], config: &PoleConfig) -> Vec<f64> {

@@ -97,13 +97,14 @@ pub fn fit_pole<'a>(
     config: &PoleConfig,
     lidar: &LidarConfig,
 ) -> Option<FittedPole> {
-    let hits: Vec<Hit> = near.map(|p| Hit::new(p, cloud)).collect();
-    let in_run: Vec<Hit> = hits
+    let near: Vec<CloudPoint> = near.copied().collect();
+    let at = |p: &CloudPoint| Vector2::new(p.position.x, p.position.z);
+    let in_run: Vec<Hit> = near
         .iter()
-        .copied()
-        .filter(|h| stack.is_free(h.above_ground, config))
-        .filter(|h| h.above_ground >= stack.low_m && h.above_ground <= stack.high_m)
-        .filter(|h| (h.at - stack.centre.coords).norm() < stack.reach_m)
+        .filter(|p| (at(p) - stack.centre.coords).norm() < stack.reach_m)
+        .filter(|p| (stack.low_m..=stack.high_m).contains(&f64::from(p.height_m)))
+        .filter(|p| stack.is_free(f64::from(p.height_m), config))
+        .map(|p| Hit::new(p, cloud))
         .collect();
     if in_run.len() < config.fewest_points / 2 {
         return None;
@@ -111,8 +112,14 @@ pub fn fit_pole<'a>(
     let inlier_m = config.inlier_m.min(stack.reach_m);
     let axis = refine(&in_run, ransac(&in_run, inlier_m, plumb, config)?, plumb, config);
     // Follow the axis up and down as far as points go on without a gap.
-    let mut on: Vec<Hit> =
-        hits.iter().copied().filter(|h| axis.residual(h).norm() < inlier_m && h.above_ground <= stack.end_m).collect();
+    let beside = |p: &CloudPoint, axis: &Axis| (at(p) - axis.at(-p.position.y)).norm();
+    let mut on: Vec<Hit> = near
+        .iter()
+        // The surface lies before the axis by no more than this.
+        .filter(|p| f64::from(p.height_m) <= stack.end_m && beside(p, &axis) < inlier_m + axis.before_m + ROUNDING_M)
+        .map(|p| Hit::new(p, cloud))
+        .filter(|h| axis.residual(h).norm() < inlier_m)
+        .collect();
     on.sort_by(|a, b| a.height.total_cmp(&b.height));
     let middle = in_run.iter().map(|h| h.height).sum::<f64>() / in_run.len() as f64;
     let joined = |w: &[Hit]| w[1].height - w[0].height < config.longest_gap_m;
@@ -126,12 +133,18 @@ pub fn fit_pole<'a>(
     let axis = refine(&post, axis, plumb, config);
     let post = slim(&free, &axis, config);
     let axis = refine(&post, axis, plumb, config);
-    describe(cloud, &Seen { hits: &hits, run, free: &free, post: &post }, &axis, config, lidar)
+    let reach_m = radius_across(&post, &axis, config) + config.gap_to_m.max(config.gap_from_m + config.rail_m);
+    let around: Vec<Hit> =
+        near.iter().filter(|p| beside(p, &axis) < reach_m + ROUNDING_M).map(|p| Hit::new(p, cloud)).collect();
+    describe(cloud, &Seen { hits: &around, run, free: &free, post: &post }, &axis, config, lidar)
 }
+
+/// Far more than distances that are computed in two ways differ by, metres.
+const ROUNDING_M: f64 = 1e-6;
 
 /// The hits on and around a pole.
 struct Seen<'a> {
-    /// All around it.
+    /// All around it, as far as rails and what is attached are looked for.
     hits: &'a [Hit],
     /// Those along its axis, from below.
     run: &'a [Hit],

@@ -5,6 +5,7 @@ mod config;
 mod fences;
 mod fit;
 mod looks;
+mod normal;
 mod roofs;
 mod stacks;
 #[cfg(test)]

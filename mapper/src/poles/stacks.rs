@@ -1,6 +1,8 @@
 //! Columns of a fine grid with the points in them, slice by slice, and the
 //! isolated vertical stacks among them.
 
+use std::ops::Range;
+
 use nalgebra::Point2;
 use rayon::prelude::*;
 
@@ -74,6 +76,23 @@ const FREE: f64 = 1.0;
 const HINDERED: f64 = -0.7;
 const EMPTY: f64 = -0.35;
 
+/// Cells side by side in a row, as steps in x from the first to the last, and
+/// in z: their points stand side by side in memory.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Span {
+    first: isize,
+    last: isize,
+    z: isize,
+}
+
+/// The same cells row by row. Cells of a row must follow on each other.
+fn spans(cells: &[(isize, isize)]) -> Vec<Span> {
+    cells
+        .chunk_by(|a, b| a.1 == b.1 && a.0 + 1 == b.0)
+        .filter_map(|row| Some(Span { first: row.first()?.0, last: row.last()?.0, z: row.first()?.1 }))
+        .collect()
+}
+
 /// Cells of a disc or a ring around a cell, as steps in x and z.
 fn around(inner_m: f64, outer_m: f64, cell_m: f64) -> Vec<(isize, isize)> {
     let reach = (outer_m / cell_m).ceil() as isize;
@@ -122,49 +141,57 @@ impl Stacks {
         Self { grid, slices, starts, lowest_m: config.lowest_m, slice_m: config.slice_m }
     }
 
-    fn column(&self, index: usize) -> &[u8] {
-        &self.slices[self.starts[index] as usize..self.starts[index + 1] as usize]
+    /// Slices of the points in some columns side by side.
+    fn columns(&self, indices: Range<usize>) -> &[u8] {
+        &self.slices[self.starts[indices.start] as usize..self.starts[indices.end] as usize]
     }
 
-    /// Indices of the columns around a cell.
-    fn around(&self, (x, z): (usize, usize), steps: &[(isize, isize)]) -> impl Iterator<Item = usize> {
-        steps.iter().filter_map(move |(dx, dz)| {
-            let (cx, cz) = (x.checked_add_signed(*dx)?, z.checked_add_signed(*dz)?);
-            (cx < self.grid.width && cz < self.grid.height).then_some(cz * self.grid.width + cx)
+    fn column(&self, index: usize) -> &[u8] {
+        self.columns(index..index + 1)
+    }
+
+    /// The columns around a cell, row by row.
+    fn around(&self, (x, z): (usize, usize), spans: &[Span]) -> impl Iterator<Item = Range<usize>> {
+        spans.iter().filter_map(move |span| {
+            let row = z.checked_add_signed(span.z).filter(|row| *row < self.grid.height)?;
+            let first = x.saturating_add_signed(span.first);
+            let end = x.checked_add_signed(span.last).map_or(0, |last| (last + 1).min(self.grid.width));
+            (first < end).then(|| row * self.grid.width + first..row * self.grid.width + end)
         })
     }
 
     /// Points per slice in the cells around a cell.
-    fn count(&self, cell: (usize, usize), steps: &[(isize, isize)]) -> [u32; SLICES] {
+    fn count(&self, cell: (usize, usize), spans: &[Span]) -> [u32; SLICES] {
         let mut counts = [0_u32; SLICES];
-        self.count_in(cell, steps, &mut counts);
+        self.count_in(cell, spans, &mut counts);
         counts
     }
 
     /// Adds the points per slice in the cells around a cell.
-    fn count_in(&self, cell: (usize, usize), steps: &[(isize, isize)], counts: &mut [u32; SLICES]) {
-        for column in self.around(cell, steps) {
-            for s in self.column(column) {
+    fn count_in(&self, cell: (usize, usize), spans: &[Span], counts: &mut [u32; SLICES]) {
+        for columns in self.around(cell, spans) {
+            for s in self.columns(columns) {
                 counts[usize::from(*s)] += 1;
             }
         }
     }
 
     /// Slices with a point in one of the cells around a cell.
-    fn filled(&self, cell: (usize, usize), steps: &[(isize, isize)]) -> u64 {
-        self.around(cell, steps).fold(0, |filled, column| filled | self.filled_in(column))
+    fn filled(&self, cell: (usize, usize), spans: &[Span]) -> u64 {
+        self.around(cell, spans).fold(0, |filled, columns| filled | self.filled_in(columns))
     }
 
-    fn filled_in(&self, column: usize) -> u64 {
-        self.column(column).iter().fold(0, |filled, slice| filled | 1_u64 << *slice)
+    fn filled_in(&self, columns: Range<usize>) -> u64 {
+        self.columns(columns).iter().fold(0, |filled, slice| filled | 1_u64 << *slice)
     }
 
     /// The isolated stacks, best first, none within the ring of a better one
     /// at the same height.
     pub fn find(&self, config: &PoleConfig) -> Vec<Stack> {
-        let core = around(0.0, config.core_radius_m, self.grid.cell_m);
+        let core = spans(&around(0.0, config.core_radius_m, self.grid.cell_m));
         let ring = around(config.ring_inner_m, config.ring_outer_m, self.grid.cell_m);
-        self.best(config.ring_outer_m, |i| self.stack_at(i, &core, &ring, config))
+        let parts: Vec<Vec<Span>> = ring.chunks(ring.len().div_ceil(RING_PARTS).max(1)).map(spans).collect();
+        self.best(config.ring_outer_m, |i| self.stack_at(i, &core, &parts, config))
     }
 
     /// The stacks that stand out from a hedge or a wall close behind them or
@@ -174,7 +201,7 @@ impl Stacks {
         let core = around(0.0, self.grid.cell_m, self.grid.cell_m);
         let off = (config.beside_m / self.grid.cell_m).round() as isize;
         let aslant = (config.beside_m / self.grid.cell_m / std::f64::consts::SQRT_2).ceil() as isize;
-        let beside: Vec<Vec<(isize, isize)>> = [
+        let beside: Vec<Vec<Span>> = [
             (off, 0),
             (-off, 0),
             (0, off),
@@ -185,8 +212,9 @@ impl Stacks {
             (-aslant, -aslant),
         ]
         .iter()
-        .map(|(x, z)| core.iter().map(|(dx, dz)| (x + dx, z + dz)).collect())
+        .map(|(x, z)| spans(&core.iter().map(|(dx, dz)| (x + dx, z + dz)).collect::<Vec<_>>()))
         .collect();
+        let core = spans(&core);
         self.best(config.beside_m, |i| self.before_at(i, &core, &beside, config))
     }
 
@@ -211,13 +239,7 @@ impl Stacks {
         kept
     }
 
-    fn before_at(
-        &self,
-        index: usize,
-        core: &[(isize, isize)],
-        beside: &[Vec<(isize, isize)>],
-        config: &PoleConfig,
-    ) -> Option<Stack> {
+    fn before_at(&self, index: usize, core: &[Span], beside: &[Vec<Span>], config: &PoleConfig) -> Option<Stack> {
         let cell = (index % self.grid.width, index / self.grid.width);
         let least = config.least_before_m / config.slice_m;
         // Its own column first: most columns of a hedge are told by that.
@@ -258,13 +280,7 @@ impl Stacks {
         })
     }
 
-    fn stack_at(
-        &self,
-        index: usize,
-        core: &[(isize, isize)],
-        ring: &[(isize, isize)],
-        config: &PoleConfig,
-    ) -> Option<Stack> {
+    fn stack_at(&self, index: usize, core: &[Span], ring: &[Vec<Span>], config: &PoleConfig) -> Option<Stack> {
         let cell = (index % self.grid.width, index / self.grid.width);
         let least = config.least_free_m / config.slice_m;
         let filled = self.filled(cell, core);
@@ -277,7 +293,7 @@ impl Stacks {
         let mut outside = [0_u32; SLICES];
         let mut hindered = 0_u64;
         // Most columns are amid a hedge or a wall, as a part of the ring tells.
-        for part in ring.chunks(ring.len().div_ceil(RING_PARTS).max(1)) {
+        for part in ring {
             self.count_in(cell, part, &mut outside);
             hindered = (0..SLICES).filter(|s| f64::from(outside[*s]) > allowed[*s]).fold(0, |bits, s| bits | 1 << s);
             if best_run(filled, hindered).0 < least {
@@ -302,13 +318,13 @@ impl Stacks {
 
     /// Share of the voxels of an upright cylinder that are occupied; heights
     /// above ground.
-    pub fn filled_share(&self, at: &Point2<f64>, heights_m: std::ops::Range<f64>, radius_m: f64) -> f64 {
+    pub fn filled_share(&self, at: &Point2<f64>, heights_m: Range<f64>, radius_m: f64) -> f64 {
         let Some((x, z)) = self.grid.cell(at) else { return 0.0 };
         let slice = |h: f64| ((h - self.lowest_m) / self.slice_m).clamp(0.0, SLICES as f64) as usize;
         let wanted = slice(heights_m.start)..slice(heights_m.end);
         let steps = around(0.0, radius_m, self.grid.cell_m);
-        let of_column = |column: usize| wanted.clone().filter(|s| self.filled_in(column) & (1 << s) != 0).count();
-        let filled: usize = self.around((x, z), &steps).map(of_column).sum();
+        let of_column = |i: usize| wanted.clone().filter(|s| self.filled_in(i..i + 1) & (1_u64 << s) != 0).count();
+        let filled: usize = self.around((x, z), &spans(&steps)).flatten().map(of_column).sum();
         filled as f64 / (steps.len() * wanted.len()).max(1) as f64
     }
 }

@@ -72,9 +72,8 @@ pub(super) fn shifted(map: &LocalMap, scan: &[ScanSurface], guess: &Pose, config
 /// 1 for a surface on a surface of the map, 0 from `tolerance_m` off it on.
 fn closeness(map: &LocalMap, ScanSurface { surface }: &ScanSurface, pose: &Pose, tolerance_m: f64) -> f64 {
     let moved = pose * surface.mean;
-    map.surface_at(&moved).map_or(0.0, |target| {
-        (1.0 - target.squared_distance_m2(&moved) / tolerance_m.powi(2)).max(0.0)
-    })
+    map.surface_at(&moved)
+        .map_or(0.0, |target| (1.0 - target.squared_distance_m2(&moved) / tolerance_m.powi(2)).max(0.0))
 }
 
 /// How far the scan's ground has to be moved along map y to lie on the map's:

@@ -106,12 +106,13 @@ struct Sums {
     origin: Point3<f64>,
     count: f64,
     sum: Vector3<f64>,
-    outer: Matrix3<f64>,
+    /// Of the products xx, yy, zz, xy, xz, yz.
+    products: [f64; 6],
 }
 
 impl From<Point3<f64>> for Sums {
     fn from(origin: Point3<f64>) -> Self {
-        Self { origin, count: 0.0, sum: Vector3::zeros(), outer: Matrix3::zeros() }
+        Self { origin, count: 0.0, sum: Vector3::zeros(), products: [0.0; 6] }
     }
 }
 
@@ -120,12 +121,15 @@ impl Sums {
         let d = p - self.origin;
         self.count += 1.0;
         self.sum += d;
-        self.outer += d * d.transpose();
+        let products = [d.x * d.x, d.y * d.y, d.z * d.z, d.x * d.y, d.x * d.z, d.y * d.z];
+        self.products.iter_mut().zip(products).for_each(|(sum, product)| *sum += product);
     }
 
     fn moments(&self) -> Moments {
         let mean = self.sum / self.count;
-        let scatter = self.outer - mean * mean.transpose() * self.count;
+        let [xx, yy, zz, xy, xz, yz] = self.products;
+        let outer = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        let scatter = outer - mean * mean.transpose() * self.count;
         Moments { count: self.count, mean: self.origin + mean, scatter }
     }
 }

@@ -41,6 +41,8 @@ pub struct RoadPoints {
 }
 
 /// A point of the road.
+// All of them are lengths.
+#[allow(clippy::struct_field_names)]
 #[derive(Debug, Clone, Copy, Default)]
 pub struct RoadPoint {
     /// Station along the path, metres.
@@ -145,4 +147,39 @@ pub(super) fn between(points: &[PathPoint], from_m: f64, to_m: f64) -> &[PathPoi
     let a = points.partition_point(|p| p.station_m < from_m);
     let b = points.partition_point(|p| p.station_m < to_m);
     &points[a..b.max(a)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rectangle_of_the_road_has_all_of_its_points_once() {
+        let config = LaneConfig::default();
+        let point = |k: usize| RoadPoint {
+            station_m: (k * 37 % 1000) as f32 * 0.05 - 5.0,
+            offset_m: (k * 91 % 997) as f32 * 0.028 - 13.95,
+            height_m: k as f32,
+        };
+        let parts: Vec<Vec<RoadPoint>> =
+            (0..5).map(|part| (part * 800..(part + 1) * 800).map(point).collect()).collect();
+        let road = RoadPoints::new(&parts, (-5.0, 45.5), &config);
+        for (stations_m, offsets_m) in
+            [([3.1, 4.35], [-4.02, -1.0]), ([-5.0, -4.2], [-20.0, -12.0]), ([44.2, 60.0], [11.0, 20.0])]
+        {
+            let is_in = |p: &&RoadPoint| {
+                (stations_m[0]..=stations_m[1]).contains(&f64::from(p.station_m))
+                    && (offsets_m[0]..=offsets_m[1]).contains(&f64::from(p.offset_m))
+            };
+            let names = |points: Vec<&RoadPoint>| {
+                let mut names: Vec<u32> = points.iter().map(|p| p.height_m as u32).collect();
+                names.sort_unstable();
+                names
+            };
+            let found = names(road.near(stations_m, offsets_m).filter(is_in).collect());
+            assert_eq!(found, names(parts.iter().flatten().filter(is_in).collect()));
+            assert!(!found.is_empty(), "{stations_m:?}");
+            assert!(road.near(stations_m, offsets_m).count() < 400, "most of the road is not looked at");
+        }
+    }
 }

@@ -87,7 +87,9 @@ pub(super) fn looked_through(
         .par_chunks(PART)
         .map(|part| {
             let mut told = vec![Told::default(); looks.len()];
-            part.iter().for_each(|p| count(&mut told, p));
+            for p in part {
+                count(&mut told, p);
+            }
             told
         })
         .collect();

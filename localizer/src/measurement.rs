@@ -2,15 +2,18 @@
 //! pair, with the standard deviation of each from the feature, the landmark
 //! and the calibration.
 
+mod lane;
+
 use common::map::PoleKind;
 use nalgebra::{Point2, Point3, Vector2};
 use serde::{Deserialize, Serialize};
 
 use crate::features::PointFeature;
-use crate::prepare::{MAX_KNOTS, PreparedLane, PreparedPole};
-use crate::preselect::{Candidates, LaneCandidate, PoleCandidate, SignCandidate};
+use crate::prepare::{MAX_KNOTS, PreparedPole};
+use crate::preselect::{PoleCandidate, SignCandidate};
 use crate::projection::{ImageSize, NEAR_M, View, fraction_in_space};
 use crate::residual::Observation;
+pub use lane::{LaneVertex, lane_ends, pair_lane, project_lane};
 
 /// Standard deviations of the map and of the calibration, and what two things
 /// that belong together may differ by.
@@ -99,6 +102,14 @@ impl Pairing {
     }
 }
 
+impl From<[Observation; 2]> for Pairing {
+    fn from(two: [Observation; 2]) -> Self {
+        let mut pairing = Self::empty();
+        two.into_iter().for_each(|observation| pairing.push(observation));
+        pairing
+    }
+}
+
 /// A pole in the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoleImage {
@@ -112,6 +123,17 @@ pub struct PoleImage {
     /// Depth of the lower end, metres.
     pub foot_depth_m: f64,
     top_depth_m: f64,
+}
+
+/// How exactly the ends of a pole's features are known beforehand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoleEnds {
+    foot_sigma_px: f64,
+    top_sigma_px: f64,
+    /// Its top is where it is mapped.
+    is_low: bool,
+    /// Share of ends that are seen.
+    seen: f64,
 }
 
 impl PoleImage {
@@ -156,6 +178,16 @@ impl PoleImage {
         nalgebra::center(&self.foot_map, &self.top_map)
     }
 
+    /// How exactly the ends of its features are known beforehand. `slack_px` is
+    /// the standard deviation of the pose's shift along the pole.
+    pub fn ends(&self, noise: &NoiseConfig, focal_px: f64, slack_px: f64) -> PoleEnds {
+        let in_image = |sigma_m: f64| (sigma_m * focal_px / self.foot_depth_m).hypot(slack_px).max(1.0);
+        let foot_m = if self.kind == PoleKind::Delineator { noise.low_end_sigma_m } else { noise.foot_sigma_m };
+        let is_low = matches!(self.kind, PoleKind::Delineator | PoleKind::SignPost);
+        let top_m = if is_low { noise.low_end_sigma_m } else { noise.foot_sigma_m };
+        PoleEnds { foot_sigma_px: in_image(foot_m), top_sigma_px: in_image(top_m), is_low, seen: noise.seen_end }
+    }
+
     /// How much more likely the feature's ends are for this pole than for
     /// something else that runs along the same line (nats).
     ///
@@ -163,40 +195,28 @@ impl PoleImage {
     /// that reaches into the ground is none of this pole. The mapped top of a
     /// lamp post or trunk is where the lidar's rays end, so a feature may reach
     /// higher; that it ends lower happens where the top is hidden. Low poles
-    /// end where they are mapped. `slack_px` is the standard
-    /// deviation of the pose's shift along the pole, `rows_px` the stretch in
-    /// which ends of features lie.
-    pub fn ends_support(
-        &self,
-        feature: &PreparedPole,
-        noise: &NoiseConfig,
-        focal_px: f64,
-        slack_px: f64,
-        rows_px: f64,
-    ) -> f64 {
+    /// end where they are mapped. `rows_px` is the stretch in which ends of
+    /// features lie.
+    pub fn ends_support(&self, feature: &PreparedPole, ends: &PoleEnds, rows_px: f64) -> f64 {
         let along = |p: &Point2<f64>| feature.down.dot(&(p - feature.upper_px));
-        let in_image = |sigma_m: f64| (sigma_m * focal_px / self.foot_depth_m).hypot(slack_px).max(1.0);
-        let foot_m = if self.kind == PoleKind::Delineator { noise.low_end_sigma_m } else { noise.foot_sigma_m };
         let gaussian = |off_px: f64, sigma_px: f64| {
             let off = off_px / sigma_px;
             (-0.5 * off * off).exp() / (sigma_px * std::f64::consts::TAU.sqrt()) * rows_px
         };
-        let hidden = 1.0 - noise.seen_end;
+        let hidden = 1.0 - ends.seen;
         let below_px = feature.length_px - along(&self.foot_px);
-        let sigma_px = in_image(foot_m);
         let foot = if feature.lower_is_cut {
             // Cut by something in front: anywhere above the foot.
-            if below_px < 2.0 * sigma_px { 1.0 } else { UNLIKELY }
+            if below_px < 2.0 * ends.foot_sigma_px { 1.0 } else { UNLIKELY }
         } else {
-            noise.seen_end * gaussian(below_px, sigma_px) + if below_px < 0.0 { hidden } else { UNLIKELY }
+            ends.seen * gaussian(below_px, ends.foot_sigma_px) + if below_px < 0.0 { hidden } else { UNLIKELY }
         };
         let short_px = -along(&self.top_px);
         let top = if feature.upper_is_cut {
             1.0
-        } else if matches!(self.kind, PoleKind::Delineator | PoleKind::SignPost) {
-            noise.seen_end * gaussian(short_px, in_image(noise.low_end_sigma_m))
-                + if short_px > 0.0 { hidden } else { UNLIKELY }
-        } else if short_px < 2.0 * in_image(noise.foot_sigma_m) {
+        } else if ends.is_low {
+            ends.seen * gaussian(short_px, ends.top_sigma_px) + if short_px > 0.0 { hidden } else { UNLIKELY }
+        } else if short_px < 2.0 * ends.top_sigma_px {
             1.0
         } else {
             hidden
@@ -208,7 +228,13 @@ impl PoleImage {
     /// seen, against the feature's line. None where they do not overlap or the
     /// feature reaches far below the foot. `slack_px` is how far the pose may
     /// shift either along the line.
-    pub fn pair(&self, feature: &PreparedPole, noise: &NoiseConfig, focal_px: f64, slack_px: f64) -> Option<Pairing> {
+    pub fn pair(
+        &self,
+        feature: &PreparedPole,
+        noise: &NoiseConfig,
+        focal_px: f64,
+        slack_px: f64,
+    ) -> Option<[Observation; 2]> {
         let along = |p: &Point2<f64>| feature.down.dot(&(p - feature.upper_px));
         let (top, foot) = (along(&self.top_px), along(&self.foot_px));
         if foot - top < 1.0 {
@@ -230,8 +256,7 @@ impl PoleImage {
         } else {
             (start, end)
         };
-        let mut pairing = Pairing::empty();
-        for place in [start, end] {
+        Some([start, end].map(|place| {
             let fraction = (place - top) / (foot - top);
             let share = fraction_in_space(fraction, self.top_depth_m, self.foot_depth_m);
             let point_map = self.top_map + (self.foot_map - self.top_map) * share;
@@ -240,110 +265,14 @@ impl PoleImage {
             let variance = feature.variance_px2(place)
                 + landmark_px * landmark_px
                 + noise.calibration_sigma_px * noise.calibration_sigma_px;
-            pairing.push(Observation {
+            Observation {
                 point_map,
                 normal: feature.line.normal,
                 offset_px: feature.line.offset_px,
                 sigma_px: variance.sqrt(),
-            });
-        }
-        Some(pairing)
-    }
-}
-
-/// A vertex of a lane line in the image.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LaneVertex {
-    /// Pixel.
-    pub at_px: Point2<f64>,
-    /// Depth, metres.
-    pub depth_m: f64,
-    /// Map frame, metres.
-    pub point_map: Point3<f64>,
-}
-
-/// Appends the image of a lane candidate to `out`, cut at the near plane;
-/// returns the range of its vertices.
-pub fn project_lane(
-    view: &View,
-    candidates: &Candidates,
-    lane: &LaneCandidate,
-    out: &mut Vec<LaneVertex>,
-) -> (usize, usize) {
-    let start = out.len();
-    // The point a hair before the plane projects; rounding may not.
-    let plane_m = NEAR_M * (1.0 + 1e-9);
-    let mut before: Option<(Point3<f64>, f64)> = None;
-    for &point_map in candidates.lane_points_map.get(lane.start..lane.end).unwrap_or(&[]) {
-        let depth_m = view.to_camera(&point_map).z;
-        let crossed = before.filter(|(_, z)| (*z < NEAR_M) != (depth_m < NEAR_M));
-        let cut = crossed.map(|(last, z)| last + (point_map - last) * ((plane_m - z) / (depth_m - z)));
-        for point_map in cut.into_iter().chain((depth_m >= NEAR_M).then_some(point_map)) {
-            if let Some((at_px, depth_m)) = view.project(&point_map) {
-                out.push(LaneVertex { at_px, depth_m, point_map });
             }
-        }
-        before = Some((point_map, depth_m));
+        }))
     }
-    (start, out.len())
-}
-
-/// The pair of a lane feature and a projected lane line: for each knot of the
-/// feature the nearest point of the line, against the knot's tangent. None
-/// where fewer than two knots have a part of the line beside them.
-pub fn pair_lane(
-    vertices: &[LaneVertex],
-    feature: &PreparedLane,
-    noise: &NoiseConfig,
-    focal_px: f64,
-    reach_px: f64,
-) -> Option<Pairing> {
-    let mut pairing = Pairing::empty();
-    for knot in feature.knots() {
-        let Some((point_map, depth_m)) = nearest_on(vertices, &knot.at_px, reach_px) else { continue };
-        let lateral_px = knot.normal.x * noise.lane_sigma_m * focal_px / depth_m;
-        let height_px = knot.normal.y * noise.lane_height_sigma_m * focal_px / depth_m;
-        let variance = knot.sigma_px * knot.sigma_px
-            + lateral_px * lateral_px
-            + height_px * height_px
-            + noise.calibration_sigma_px * noise.calibration_sigma_px;
-        pairing.push(Observation::on_line(point_map, knot.normal, &knot.at_px, variance.sqrt()));
-    }
-    if pairing.count < 2 {
-        return None;
-    }
-    // However many knots: a line tells two numbers.
-    let share = (pairing.count as f64 / 2.0).sqrt();
-    for observation in &mut pairing.observations[..pairing.count] {
-        observation.sigma_px *= share;
-    }
-    Some(pairing)
-}
-
-/// The point of a projected polyline nearest to a pixel, in the map, with its
-/// depth; none beyond its ends or further than `reach_px`.
-fn nearest_on(vertices: &[LaneVertex], pixel: &Point2<f64>, reach_px: f64) -> Option<(Point3<f64>, f64)> {
-    let mut best = (reach_px * reach_px, None);
-    let last = vertices.len().saturating_sub(2);
-    for (i, ends) in vertices.windows(2).enumerate() {
-        let (a, b) = (&ends[0], &ends[1]);
-        let along = b.at_px - a.at_px;
-        let length2 = along.norm_squared();
-        if length2 < 1e-12 {
-            continue;
-        }
-        let fraction = along.dot(&(pixel - a.at_px)) / length2;
-        let beyond = (i == 0 && fraction < 0.0) || (i == last && fraction > 1.0);
-        let fraction = fraction.clamp(0.0, 1.0);
-        let at_px = a.at_px + along * fraction;
-        let distance2 = (pixel - at_px).norm_squared();
-        if distance2 < best.0 {
-            best = (distance2, (!beyond).then_some((a, b, fraction)));
-        }
-    }
-    let (a, b, fraction) = best.1?;
-    let share = fraction_in_space(fraction, a.depth_m, b.depth_m);
-    Some((a.point_map + (b.point_map - a.point_map) * share, a.depth_m + (b.depth_m - a.depth_m) * share))
 }
 
 /// The pair of a sign and a feature (eq. 8), at the sign's depth (m); none
@@ -354,7 +283,7 @@ pub fn pair_sign(
     feature: &PointFeature,
     noise: &NoiseConfig,
     focal_px: f64,
-) -> Option<Pairing> {
+) -> Option<[Observation; 2]> {
     let expected_px = sign.size_m * focal_px / depth_m;
     let found_px = feature.extent_px.norm();
     let ratio = (found_px / expected_px.max(1e-9)).max(expected_px / found_px.max(1e-9));
@@ -363,11 +292,8 @@ pub fn pair_sign(
     }
     let landmark_px = noise.sign_sigma_m.hypot(noise.sign_sigma_of_size * sign.size_m) * focal_px / depth_m;
     let sigma_px = feature.sigma_px.hypot(landmark_px).hypot(noise.calibration_sigma_px);
-    let mut pairing = Pairing::empty();
-    for normal in [Vector2::x(), Vector2::y()] {
-        pairing.push(Observation::on_line(sign.centroid_map, normal, &feature.centre_px, sigma_px));
-    }
-    Some(pairing)
+    let on_line = |normal| Observation::on_line(sign.centroid_map, normal, &feature.centre_px, sigma_px);
+    Some([on_line(Vector2::x()), on_line(Vector2::y())])
 }
 
 #[cfg(test)]

@@ -20,6 +20,11 @@ pub struct PreparedPole {
     pub down: Vector2<f64>,
     /// Upper end, pixels.
     pub upper_px: Point2<f64>,
+    /// Half way between its ends, pixels.
+    pub middle_px: Point2<f64>,
+    /// Nearer to its middle than this nothing is too far away, pixels: five
+    /// standard deviations of its own.
+    pub least_off_px: f64,
     /// Distance of its ends, pixels.
     pub length_px: f64,
     /// Standard deviation of the offset at its middle, pixels.
@@ -36,12 +41,16 @@ impl PreparedPole {
     fn new(index: usize, feature: &LineFeature) -> Option<Self> {
         let line = feature.line()?;
         let down = (feature.lower_px - feature.upper_px).try_normalize(1e-9)?;
+        let length_px = feature.length_px();
+        let own_px = feature.offset_sigma_px + feature.angle_sigma_rad * length_px;
         Some(Self {
             index,
             line,
             down,
             upper_px: feature.upper_px,
-            length_px: feature.length_px(),
+            middle_px: feature.upper_px + down * (0.5 * length_px),
+            least_off_px: 5.0 * own_px + 2.01,
+            length_px,
             offset_sigma_px: feature.offset_sigma_px,
             angle_sigma_rad: feature.angle_sigma_rad,
             lower_is_cut: feature.lower_is_cut,

@@ -232,6 +232,7 @@ pub fn solve(problem: &Problem<'_>, groups: &mut [Group], config: &SolverConfig,
     let mut damping = config.initial_damping;
     let mut converged = false;
     let mut iterations = 0;
+    let mut groups_are_here = true;
     while iterations < config.max_iterations && !converged && damping < 1e8 {
         iterations += 1;
         let mut damped = at.information;
@@ -248,19 +249,21 @@ pub fn solve(problem: &Problem<'_>, groups: &mut [Group], config: &SolverConfig,
         let there = linearise(problem, groups, config, &candidate);
         let short = step.fixed_rows::<3>(0).norm() < config.step_tolerance_m
             && step.fixed_rows::<3>(3).norm() < config.step_tolerance_rad;
-        if there.cost <= at.cost {
+        groups_are_here = there.cost <= at.cost;
+        if groups_are_here {
             pose = candidate;
             at = there;
             damping = (damping * 0.1).max(1e-9);
-            converged = short;
         } else {
             // At the minimum rounding decides whether the cost falls.
-            converged = short;
             damping *= 10.0;
         }
+        converged = short;
     }
-    // Leave the groups' weights as they are at the pose returned.
-    let at = linearise(problem, groups, config, &pose);
+    if !groups_are_here {
+        // Leave the groups' weights as they are at the pose returned.
+        at = linearise(problem, groups, config, &pose);
+    }
     Solution { map_from_camera: pose, information: at.information, cost: at.cost, iterations, converged }
 }
 

@@ -280,7 +280,7 @@ impl Search {
         }
         let covariance = Matrix6::from_diagonal(&sigmas.component_mul(sigmas));
         for cell in cells.iter_mut() {
-            cell.score = cell.prior + associator.matcher.run(scene, &cell.pose, &covariance);
+            cell.score = cell.prior + associator.matcher.support(scene, &cell.pose, &covariance);
         }
         sort(cells);
     }

@@ -1,15 +1,21 @@
 //! One-to-one matches between features and landmarks at one pose.
 
+mod lanes;
+mod poles;
+mod signs;
+
 use common::geometry::{PinholeCamera, Pose};
-use nalgebra::{Matrix2, Matrix6, Point3, Vector2};
+use nalgebra::{Matrix2, Matrix6, Vector2, Vector3, Vector6};
 
 use super::detection::{Clutter, DetectionConfig};
 use crate::estimate::LandmarkId;
-use crate::measurement::{LaneVertex, NoiseConfig, Pairing, PoleImage, pair_lane, pair_sign, project_lane};
+use crate::measurement::{LaneVertex, NoiseConfig, Pairing};
 use crate::prepare::Prepared;
 use crate::preselect::Candidates;
 use crate::projection::{ImageSize, View};
 use crate::residual::Observation;
+use lanes::LaneAt;
+use poles::PoleAt;
 
 /// Squared Mahalanobis distance, two degrees of freedom, beyond which a pair
 /// is no pair: 99.9 % of the true ones lie within.
@@ -57,6 +63,8 @@ pub struct Matcher {
     pairs: Vec<Pair>,
     best_of_feature: Vec<usize>,
     best_of_candidate: Vec<usize>,
+    poles: Vec<Option<PoleAt>>,
+    lanes: Vec<LaneAt>,
     vertices: Vec<LaneVertex>,
 }
 
@@ -65,42 +73,115 @@ pub struct Matcher {
 struct Pair {
     feature: usize,
     candidate: usize,
-    found: Match,
+    distance2: f64,
+    support: f64,
 }
 
 const NONE: usize = usize::MAX;
 
-/// Squared Mahalanobis distance of a pair and the logarithm of its density.
-fn judge(view: &View, pairing: &Pairing, covariance: &Matrix6<f64>) -> Option<(f64, f64)> {
-    let (first, last) = pairing.ends();
-    let (r0, j0) = first.linearise(view)?;
-    let (r1, j1) = last.linearise(view)?;
-    let (p0, p1) = (covariance * j0, covariance * j1);
-    let cross = j1.dot(&p0);
-    let s = Matrix2::new(
-        j0.dot(&p0) + first.sigma_px * first.sigma_px,
-        cross,
-        cross,
-        j1.dot(&p1) + last.sigma_px * last.sigma_px,
-    );
-    let determinant = s.determinant();
-    if determinant <= 0.0 {
-        return None;
-    }
-    let r = Vector2::new(r0, r1);
-    let distance2 = (s[(1, 1)] * r.x * r.x - 2.0 * cross * r.x * r.y + s[(0, 0)] * r.y * r.y) / determinant;
-    let log_density = -0.5 * distance2 - 0.5 * determinant.ln() - std::f64::consts::TAU.ln();
-    Some((distance2, log_density))
+/// What is asked of a matching.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Wanted {
+    /// The support of the frame alone.
+    Support,
+    /// The matches alone.
+    Matches,
+    /// Both.
+    Both,
 }
 
-/// Standard deviations of a point's place in the image, columns and rows.
-fn pixel_sigma(view: &View, point_map: &Point3<f64>, covariance: &Matrix6<f64>) -> Vector2<f64> {
-    let p = view.to_camera(point_map);
-    let along = |normal: Vector2<f64>| {
-        let row = view.jacobian_row(&p, &normal);
-        row.dot(&(covariance * row)).max(0.0).sqrt()
-    };
-    Vector2::new(along(Vector2::x()), along(Vector2::y()))
+/// A scene seen from a pose.
+#[derive(Debug, Clone, Copy)]
+struct Look<'a> {
+    scene: &'a Scene<'a>,
+    view: View,
+    /// Of the pose (camera tangent).
+    covariance: &'a Matrix6<f64>,
+    spread: Spread,
+    clutter: Clutter,
+    wanted: Wanted,
+}
+
+impl Look<'_> {
+    /// Whether a distance is beyond the gate, however it goes with others.
+    fn is_beyond(&self, distance_px: f64, row: &Vector6<f64>, sigma_px: f64) -> bool {
+        let most_px = self.spread.most(row);
+        // The margin is far above what rounding does to the exact distance.
+        distance_px * distance_px > 1.001 * GATE * (most_px * most_px + sigma_px * sigma_px)
+    }
+
+    /// Squared Mahalanobis distance of a pair and the logarithm of its
+    /// density; none outside the gate.
+    fn judge(&self, first: &Observation, last: &Observation) -> Option<(f64, f64)> {
+        let (r0, j0) = first.linearise(&self.view)?;
+        if self.is_beyond(r0, &j0, first.sigma_px) {
+            return None;
+        }
+        let (r1, j1) = last.linearise(&self.view)?;
+        if self.is_beyond(r1, &j1, last.sigma_px) {
+            return None;
+        }
+        let (p0, p1) = (self.covariance * j0, self.covariance * j1);
+        let cross = j1.dot(&p0);
+        let s = Matrix2::new(
+            j0.dot(&p0) + first.sigma_px * first.sigma_px,
+            cross,
+            cross,
+            j1.dot(&p1) + last.sigma_px * last.sigma_px,
+        );
+        let determinant = s.determinant();
+        if determinant <= 0.0 {
+            return None;
+        }
+        let r = Vector2::new(r0, r1);
+        let distance2 = (s[(1, 1)] * r.x * r.x - 2.0 * cross * r.x * r.y + s[(0, 0)] * r.y * r.y) / determinant;
+        // Unlike `<=` this lets what is no number pass, to be judged no worse.
+        if distance2 > GATE {
+            return None;
+        }
+        Some((distance2, -0.5 * distance2 - 0.5 * determinant.ln() - std::f64::consts::TAU.ln()))
+    }
+
+    /// Standard deviation of a point (camera axes) along a direction in the
+    /// image, pixels.
+    fn sigma_px(&self, p: &Vector3<f64>, normal: &Vector2<f64>) -> f64 {
+        let row = self.view.jacobian_row(p, normal);
+        row.dot(&(self.covariance * row)).max(0.0).sqrt()
+    }
+
+    /// No less than [`Self::sigma_px`], and sooner known.
+    fn most_sigma_px(&self, p: &Vector3<f64>, normal: &Vector2<f64>) -> f64 {
+        self.spread.most(&self.view.jacobian_row(p, normal))
+    }
+}
+
+/// Bounds the standard deviation in any direction by those of the components:
+/// `sqrt(j' P j) <= sum |j_i| sigma_i` where no correlation exceeds one.
+#[derive(Debug, Clone, Copy)]
+struct Spread {
+    sigmas: Vector6<f64>,
+}
+
+impl Spread {
+    fn new(covariance: &Matrix6<f64>) -> Self {
+        let sigmas = covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
+        // Rounding may have left correlations beyond one.
+        let mut most = 1.0_f64;
+        for i in 0..6 {
+            for j in 0..i {
+                let both = sigmas[i] * sigmas[j];
+                let own = covariance[(i, j)].abs().max(covariance[(j, i)].abs());
+                if own > both {
+                    most = most.max(own / both);
+                }
+            }
+        }
+        Self { sigmas: sigmas * (most.sqrt() * (1.0 + 1e-9)) }
+    }
+
+    fn most(&self, row: &Vector6<f64>) -> f64 {
+        row.abs().dot(&self.sigmas)
+    }
 }
 
 impl Matcher {
@@ -108,25 +189,45 @@ impl Matcher {
     /// tangent) and returns the support of the frame for it, in nats. The
     /// matches are left in `self.matches`.
     pub fn run(&mut self, scene: &Scene<'_>, map_from_camera: &Pose, covariance: &Matrix6<f64>) -> f64 {
-        let view = View::new(scene.camera, map_from_camera);
-        let clutter = scene.detection.clutter(scene.features, scene.image);
-        self.matches.clear();
-        let unseen = self.match_poles(scene, &view, covariance, &clutter)
-            + self.match_lanes(scene, &view, covariance, &clutter)
-            + self.match_signs(scene, &view, covariance, &clutter);
-        self.matches.iter().map(|found| found.support).sum::<f64>() + unseen
+        self.ask(scene, map_from_camera, covariance, Wanted::Both)
     }
 
-    /// Mutual best of the offered pairs goes to `matches`; what was expected
-    /// of the others is summed up by `missing(candidate)`.
-    fn settle(&mut self, features: usize, candidates: usize, mut missing: impl FnMut(usize) -> f64) -> f64 {
+    /// The support that [`Self::run`] returns; leaves no matches.
+    pub fn support(&mut self, scene: &Scene<'_>, map_from_camera: &Pose, covariance: &Matrix6<f64>) -> f64 {
+        self.ask(scene, map_from_camera, covariance, Wanted::Support)
+    }
+
+    /// Leaves the matches that [`Self::run`] leaves.
+    pub fn find(&mut self, scene: &Scene<'_>, map_from_camera: &Pose, covariance: &Matrix6<f64>) {
+        self.ask(scene, map_from_camera, covariance, Wanted::Matches);
+    }
+
+    fn ask(&mut self, scene: &Scene<'_>, map_from_camera: &Pose, covariance: &Matrix6<f64>, wanted: Wanted) -> f64 {
+        let look = Look {
+            scene,
+            view: View::new(scene.camera, map_from_camera),
+            covariance,
+            spread: Spread::new(covariance),
+            clutter: scene.detection.clutter(scene.features, scene.image),
+            wanted,
+        };
+        self.matches.clear();
+        let mut matched = 0.0;
+        let unseen = self.match_poles(&look, &mut matched)
+            + self.match_lanes(&look, &mut matched)
+            + self.match_signs(&look, &mut matched);
+        matched + unseen
+    }
+
+    /// Leaves in `best_of_candidate` what of the offered pairs is the best of
+    /// both its feature and its candidate.
+    fn settle(&mut self, features: usize, candidates: usize) {
         self.best_of_feature.clear();
         self.best_of_feature.resize(features, NONE);
         self.best_of_candidate.clear();
         self.best_of_candidate.resize(candidates, NONE);
         let pairs = &self.pairs;
-        let better =
-            |new: usize, old: usize| pairs.get(old).is_none_or(|old| pairs[new].found.support > old.found.support);
+        let better = |new: usize, old: usize| pairs.get(old).is_none_or(|old| pairs[new].support > old.support);
         for (i, pair) in pairs.iter().enumerate() {
             if better(i, self.best_of_feature[pair.feature]) {
                 self.best_of_feature[pair.feature] = i;
@@ -135,157 +236,43 @@ impl Matcher {
                 self.best_of_candidate[pair.candidate] = i;
             }
         }
+        for best in &mut self.best_of_candidate {
+            if pairs.get(*best).is_some_and(|pair| self.best_of_feature[pair.feature] != *best) {
+                *best = NONE;
+            }
+        }
+    }
+
+    /// Closes the matching of one kind of landmark: adds the support of the
+    /// pairs that are left to `matched` and returns what the other candidates
+    /// cost. `missing` is that of one candidate, `complete` says landmark,
+    /// feature and observations of a pair.
+    fn close(
+        &mut self,
+        wanted: Wanted,
+        matched: &mut f64,
+        mut missing: impl FnMut(usize) -> f64,
+        complete: impl Fn(&Pair) -> Option<(LandmarkId, usize, Pairing)>,
+    ) -> f64 {
         let mut unseen = 0.0;
         for (candidate, &best) in self.best_of_candidate.iter().enumerate() {
             match self.pairs.get(best) {
-                Some(pair) if self.best_of_feature[pair.feature] == best => {
-                    let cost = missing(candidate);
-                    self.matches.push(Match { unseen: cost, ..pair.found });
+                Some(pair) => {
+                    *matched += pair.support;
+                    if wanted == Wanted::Support {
+                        continue;
+                    }
+                    let Some((landmark, feature, pairing)) = complete(pair) else { continue };
+                    let (distance2, support) = (pair.distance2, pair.support);
+                    let unseen = missing(candidate);
+                    self.matches.push(Match { landmark, feature, pairing, distance2, support, unseen });
                 }
-                _ => unseen += missing(candidate),
+                None if wanted == Wanted::Matches => {}
+                None => unseen += missing(candidate),
             }
         }
         self.pairs.clear();
         unseen
-    }
-
-    fn match_poles(&mut self, scene: &Scene<'_>, view: &View, covariance: &Matrix6<f64>, clutter: &Clutter) -> f64 {
-        let focal_px = scene.camera.fx_px;
-        for (candidate, pole) in scene.candidates.poles.iter().enumerate() {
-            let Some(image) = PoleImage::new(view, pole) else { continue };
-            let probability = scene.detection.pole(pole.kind, image.foot_depth_m, pole.sight_m);
-            let sigma = pixel_sigma(view, &image.middle_map(), covariance);
-            let slack_px = 3.0 * sigma.y;
-            let noise_px =
-                (scene.noise.pole_sigma_m * focal_px / image.foot_depth_m).hypot(scene.noise.calibration_sigma_px);
-            for (i, feature) in scene.features.poles.iter().enumerate() {
-                // Far outside the gate already by the columns of the middles.
-                let middle = feature.upper_px + feature.down * (0.5 * feature.length_px);
-                let slope = (image.foot_px.x - image.top_px.x) / (image.foot_px.y - image.top_px.y).max(1.0);
-                let column = image.foot_px.x + slope * (middle.y - image.foot_px.y);
-                let allowed_px = 5.0 * (sigma.x + noise_px + feature.offset_sigma_px)
-                    + 5.0 * feature.angle_sigma_rad * feature.length_px
-                    + 2.0;
-                if (column - middle.x).abs() > allowed_px {
-                    continue;
-                }
-                let Some(pairing) = image.pair(feature, scene.noise, focal_px, slack_px) else { continue };
-                let Some((distance2, log_density)) = judge(view, &pairing, covariance) else { continue };
-                if distance2 > GATE {
-                    continue;
-                }
-                let length_px = feature.length_px.min(image.visible_length_px(scene.image));
-                let rows_px = 0.5 * scene.image.height_px;
-                let ends = image.ends_support(feature, scene.noise, focal_px, sigma.y, rows_px);
-                let support = probability.ln() + log_density + ends - clutter.poles_per_px2(length_px).ln();
-                self.pairs.push(Pair {
-                    feature: i,
-                    candidate,
-                    found: Match {
-                        landmark: LandmarkId::Pole(pole.index),
-                        feature: feature.index,
-                        pairing,
-                        distance2,
-                        support,
-                        unseen: 0.0,
-                    },
-                });
-            }
-        }
-        self.settle(scene.features.poles.len(), scene.candidates.poles.len(), |candidate| {
-            let pole = &scene.candidates.poles[candidate];
-            let expected = PoleImage::new(view, pole).filter(|image| {
-                // Most of it within the image, and long enough to be found.
-                let length_px = (image.foot_px - image.top_px).norm();
-                let columns = EDGE_PX..=scene.image.width_px - EDGE_PX;
-                image.visible_length_px(scene.image) > (0.5 * length_px).max(MIN_VISIBLE_PX)
-                    && columns.contains(&image.foot_px.x)
-                    && columns.contains(&image.top_px.x)
-            });
-            expected.map_or(0.0, |image| (1.0 - scene.detection.pole(pole.kind, image.foot_depth_m, pole.sight_m)).ln())
-        })
-    }
-
-    fn match_lanes(&mut self, scene: &Scene<'_>, view: &View, covariance: &Matrix6<f64>, clutter: &Clutter) -> f64 {
-        let focal_px = scene.camera.fx_px;
-        // A lane line half a lane away is another line, whatever the gate.
-        let lanes = &scene.candidates.lanes;
-        for (candidate, lane) in lanes.iter().enumerate() {
-            self.vertices.clear();
-            project_lane(view, scene.candidates, lane, &mut self.vertices);
-            let Some(nearest) = self.vertices.iter().min_by(|a, b| a.depth_m.total_cmp(&b.depth_m)) else { continue };
-            let sigma = pixel_sigma(view, &nearest.point_map, covariance);
-            let reach_px = 4.0 * sigma.norm() + 0.25 * focal_px / nearest.depth_m.max(1.0) + 10.0;
-            let log_probability = scene.detection.lane(lane.kind).ln();
-            for (i, feature) in scene.features.lanes.iter().enumerate() {
-                let pairing = pair_lane(&self.vertices, feature, scene.noise, focal_px, reach_px);
-                let Some(pairing) = pairing else { continue };
-                let Some((distance2, log_density)) = judge(view, &pairing, covariance) else { continue };
-                if distance2 > GATE {
-                    continue;
-                }
-                let support = log_probability + log_density - clutter.lanes_per_px2().ln();
-                self.pairs.push(Pair {
-                    feature: i,
-                    candidate,
-                    found: Match {
-                        landmark: LandmarkId::Lane(lane.index),
-                        feature: feature.index,
-                        pairing,
-                        distance2,
-                        support,
-                        unseen: 0.0,
-                    },
-                });
-            }
-        }
-        self.settle(scene.features.lanes.len(), lanes.len(), |candidate| {
-            let lane = &lanes[candidate];
-            let points = &scene.candidates.lane_points_map[lane.start..lane.end];
-            let seen = points.iter().filter_map(|p| view.project(p)).filter(|(p, _)| scene.image.contains(p, 0.0));
-            let (least_m, most_m) =
-                seen.fold((f64::MAX, f64::MIN), |(least, most), (_, depth_m)| (depth_m.min(least), depth_m.max(most)));
-            if most_m - least_m > MIN_VISIBLE_LANE_M { (1.0 - scene.detection.lane(lane.kind)).ln() } else { 0.0 }
-        })
-    }
-
-    fn match_signs(&mut self, scene: &Scene<'_>, view: &View, covariance: &Matrix6<f64>, clutter: &Clutter) -> f64 {
-        let focal_px = scene.camera.fx_px;
-        for (candidate, sign) in scene.candidates.signs.iter().enumerate() {
-            let Some((pixel, depth_m)) = view.project(&sign.centroid_map) else { continue };
-            let sigma = pixel_sigma(view, &sign.centroid_map, covariance);
-            for (i, (index, feature)) in scene.features.signs.iter().enumerate() {
-                let Some(pairing) = pair_sign(sign, depth_m, feature, scene.noise, focal_px) else { continue };
-                let own_px = pairing.ends().0.sigma_px;
-                let off = pixel - feature.centre_px;
-                if off.x.abs() > 4.0 * (sigma.x + own_px) || off.y.abs() > 4.0 * (sigma.y + own_px) {
-                    continue;
-                }
-                let Some((distance2, log_density)) = judge(view, &pairing, covariance) else { continue };
-                if distance2 > GATE {
-                    continue;
-                }
-                let support = scene.detection.sign(sign.kind, depth_m, sign.sight_m).ln() + log_density
-                    - clutter.signs_per_px2().ln();
-                self.pairs.push(Pair {
-                    feature: i,
-                    candidate,
-                    found: Match {
-                        landmark: LandmarkId::Sign(sign.index),
-                        feature: *index,
-                        pairing,
-                        distance2,
-                        support,
-                        unseen: 0.0,
-                    },
-                });
-            }
-        }
-        self.settle(scene.features.signs.len(), scene.candidates.signs.len(), |candidate| {
-            let sign = &scene.candidates.signs[candidate];
-            let seen = view.project(&sign.centroid_map).filter(|(p, _)| scene.image.contains(p, -EDGE_PX));
-            seen.map_or(0.0, |(_, depth_m)| (1.0 - scene.detection.sign(sign.kind, depth_m, sign.sight_m)).ln())
-        })
     }
 
     /// Takes back the matches that are worth less than the landmark unseen;
@@ -319,13 +306,6 @@ impl Matcher {
         }
     }
 }
-
-/// A pole shorter than this in the image is not expected to be found, pixels.
-const MIN_VISIBLE_PX: f64 = 20.0;
-/// What stands nearer to the image border than this is not expected, pixels.
-const EDGE_PX: f64 = 20.0;
-/// A lane line visible over less than this is not expected, metres.
-const MIN_VISIBLE_LANE_M: f64 = 5.0;
 
 #[cfg(test)]
 mod tests;

@@ -185,7 +185,7 @@ fn close_pairs(scene: &PaperScene<'_>, view: &View, gates: Gates) -> Vec<Vec<Pai
     };
     for feature in &scene.features.poles {
         let pairs = scene.candidates.poles.iter().filter_map(|pole| {
-            let pairing = PoleImage::new(view, pole)?.pair(feature, scene.noise, focal_px, gates.pole)?;
+            let pairing = PoleImage::new(view, pole)?.pair(feature, scene.noise, focal_px, gates.pole)?.into();
             let distance_px = distance_px(view, &pairing).filter(|d| *d < gates.pole)?;
             Some(Pair { landmark: LandmarkId::Pole(pole.index), feature: feature.index, pairing, distance_px })
         });
@@ -207,7 +207,7 @@ fn close_pairs(scene: &PaperScene<'_>, view: &View, gates: Gates) -> Vec<Vec<Pai
     for (index, feature) in &scene.features.signs {
         let pairs = scene.candidates.signs.iter().filter_map(|sign| {
             let (_, depth_m) = view.project(&sign.centroid_map)?;
-            let pairing = pair_sign(sign, depth_m, feature, scene.noise, focal_px)?;
+            let pairing = pair_sign(sign, depth_m, feature, scene.noise, focal_px)?.into();
             let distance_px = distance_px(view, &pairing).filter(|d| *d < gates.sign)?;
             Some(Pair { landmark: LandmarkId::Sign(sign.index), feature: *index, pairing, distance_px })
         });

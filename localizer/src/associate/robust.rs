@@ -118,7 +118,7 @@ impl Associator {
         let mut iterations = 0;
         self.previous.clear();
         for round in 0..config.max_rounds {
-            self.matcher.run(scene, &solution.map_from_camera, &gate);
+            self.matcher.find(scene, &solution.map_from_camera, &gate);
             if round > 0 {
                 // The first gate is wide, and a wide gate says little for a
                 // pair; now a pair must be worth something.

@@ -6,6 +6,7 @@ use proptest::prelude::*;
 
 use crate::features::{Features, LaneFeature, LineFeature};
 use crate::prepare::Prepared;
+use crate::preselect::{Candidates, LaneCandidate};
 use crate::testing::IMAGE;
 
 const FOCAL_PX: f64 = 707.0;
@@ -52,7 +53,7 @@ fn feature_of(pole: &PoleCandidate, from: f64, to: f64) -> PreparedPole {
 }
 
 fn pair(pole: &PoleCandidate, feature: &PreparedPole) -> Option<Pairing> {
-    PoleImage::new(&view(), pole)?.pair(feature, &NoiseConfig::default(), FOCAL_PX, 0.0)
+    PoleImage::new(&view(), pole)?.pair(feature, &NoiseConfig::default(), FOCAL_PX, 0.0).map(Pairing::from)
 }
 
 proptest! {
@@ -101,7 +102,7 @@ fn a_foot_in_its_place_speaks_for_the_pole_and_one_in_the_ground_against() {
     let noise = NoiseConfig::default();
     let ends = |from, to| {
         let image = PoleImage::new(&view(), &pole).unwrap();
-        image.ends_support(&feature_of(&pole, from, to), &noise, FOCAL_PX, 1.0, 185.0)
+        image.ends_support(&feature_of(&pole, from, to), &image.ends(&noise, FOCAL_PX, 1.0), 185.0)
     };
     assert!(ends(0.0, 1.0) > 0.5);
     // Hidden by a car: no surprise. The top behind leaves: neither.

@@ -7,6 +7,7 @@ use nalgebra::{Point2, Vector3, Vector6};
 
 use super::StartConfig;
 use crate::associate::matching::Scene;
+use crate::features::PointFeature;
 use crate::prepare::PreparedLane;
 use crate::projection::View;
 
@@ -36,6 +37,17 @@ impl Cell {
             height_m: sigmas[1],
             tilt_rad: sigmas[3].max(sigmas[5]),
         }
+    }
+
+    /// The square of what [`Self::pixels`] gives but for rounding, which costs
+    /// less.
+    fn pixels2(&self, p: &Vector3<f64>, focal_px: f64) -> (f64, f64) {
+        let (slope, inverse_m) = (p.x / p.z, 1.0 / p.z);
+        let slant2 = slope * slope + 1.0;
+        let (position, yaw) = (self.position_m * inverse_m, self.yaw_rad);
+        let (height, tilt) = (self.height_m * inverse_m, self.tilt_rad);
+        let column2 = position * position * slant2 + yaw * yaw * slant2 * slant2;
+        (focal_px * focal_px * column2, focal_px * focal_px * (height * height + tilt * tilt * slant2))
     }
 
     /// Of the column and the row of a point in camera axes, pixels.
@@ -96,15 +108,31 @@ impl Field {
                 continue;
             }
             let (low, high) = (view.pixel(&foot), view.pixel(&top));
-            let (column_px, row_px) = cell.pixels(&foot, focal_px);
+            let is_expected = is_inside(&low, scene) && high.y < scene.image.height_px;
+            let landmark_px = scene.noise.pole_sigma_m * focal_px / foot.z;
+            let calibration_px = scene.noise.calibration_sigma_px;
+            let (column2, _) = cell.pixels2(&foot, focal_px);
+            let all2 = column2 + landmark_px * landmark_px + calibration_px * calibration_px;
+            let is_near = |mark: &Mark| {
+                let off_px = low.x - mark.column_px;
+                off_px * off_px < FAR2 * (all2 + mark.variance_px2)
+            };
+            let any_is_near = self.poles.iter().any(is_near);
+            if !is_expected && !any_is_near {
+                continue;
+            }
             let found = scene.detection.pole(pole.kind, foot.z, pole.sight_m);
-            if is_inside(&low, scene) && high.y < scene.image.height_px {
+            if is_expected {
                 unseen += (1.0 - found).ln();
             }
-            let own_px = (scene.noise.pole_sigma_m * focal_px / foot.z).hypot(scene.noise.calibration_sigma_px);
+            if !any_is_near {
+                continue;
+            }
+            let (column_px, row_px) = cell.pixels(&foot, focal_px);
+            let own_px = landmark_px.hypot(calibration_px);
             let least = (found / (1.0 - found)).ln() - clutter_ln;
             let deepest_px = low.y + 2.0 * row_px + scene.noise.foot_sigma_m * focal_px / foot.z;
-            for (mark, gain) in self.poles.iter().zip(&mut self.gains) {
+            for (mark, gain) in self.poles.iter().zip(&mut self.gains).filter(|(mark, _)| is_near(mark)) {
                 let sigma_px = (column_px * column_px + own_px * own_px + mark.variance_px2).sqrt();
                 let off_px = low.x - mark.column_px;
                 let overlaps = mark.top_px < low.y + row_px && mark.bottom_px > high.y - row_px;
@@ -127,15 +155,34 @@ impl Field {
             if p.z < config.nearest_m {
                 continue;
             }
-            let (at, found) = (view.pixel(&p), scene.detection.sign(sign.kind, p.z, sign.sight_m));
-            let (column_px, row_px) = cell.pixels(&p, focal_px);
-            if scene.image.contains(&at, 0.0) {
+            let at = view.pixel(&p);
+            let is_expected = scene.image.contains(&at, 0.0);
+            let (fixed_m, by_size_m) = (scene.noise.sign_sigma_m, scene.noise.sign_sigma_of_size * sign.size_m);
+            let (column2, row2) = cell.pixels2(&p, focal_px);
+            let own2 = (fixed_m * fixed_m + by_size_m * by_size_m) * (focal_px / p.z) * (focal_px / p.z);
+            let is_near = |feature: &PointFeature| {
+                let (off_px, own2) = (at - feature.centre_px, own2 + feature.sigma_px * feature.sigma_px);
+                off_px.x * off_px.x < FAR2 * (own2 + column2) && off_px.y * off_px.y < FAR2 * (own2 + row2)
+            };
+            let any_is_near = scene.features.signs.iter().any(|(_, feature)| is_near(feature));
+            if !is_expected && !any_is_near {
+                continue;
+            }
+            let found = scene.detection.sign(sign.kind, p.z, sign.sight_m);
+            if is_expected {
                 unseen += (1.0 - found).ln();
             }
-            let own_px = scene.noise.sign_sigma_m.hypot(scene.noise.sign_sigma_of_size * sign.size_m) * focal_px / p.z;
+            if !any_is_near {
+                continue;
+            }
+            let (column_px, row_px) = cell.pixels(&p, focal_px);
+            let own_px = fixed_m.hypot(by_size_m) * focal_px / p.z;
             let least = (found / (1.0 - found)).ln() - clutter_ln;
             let expected_px = (sign.size_m * focal_px / p.z).max(1.0);
             for ((_, feature), gain) in scene.features.signs.iter().zip(&mut self.gains) {
+                if !is_near(feature) {
+                    continue;
+                }
                 let ratio = feature.extent_px.norm() / expected_px;
                 let most = scene.noise.max_size_ratio;
                 let own_px = own_px.hypot(feature.sigma_px);
@@ -172,40 +219,69 @@ impl Field {
                 last = Some(p);
             }
             let found = scene.detection.lane(lane.kind);
-            let places = places.iter().flatten().map(|p| (view.pixel(p), cell.pixels(p, focal_px)));
-            let mut places = places.filter(|(at, _)| scene.image.contains(at, 0.0)).peekable();
-            if places.peek().is_none() {
+            let places = places.map(|place| {
+                let p = place?;
+                let at_px = view.pixel(&p);
+                scene.image.contains(&at_px, 0.0).then(|| Place::new(at_px, &p, cell, focal_px))
+            });
+            if places.iter().all(Option::is_none) {
                 continue;
             }
             unseen += (1.0 - found).ln();
             let least = (found / (1.0 - found)).ln() - clutter_ln;
-            // The places are not independent: the one that fits worst counts.
-            self.lane_gains(scene, &places, least, config.lane_sigma_px);
+            self.lane_gains(scene, places.as_slice(), least, config.lane_sigma_px);
         }
         unseen + self.total()
     }
 
-    fn lane_gains(
-        &mut self,
-        scene: &Scene<'_>,
-        places: &(impl Iterator<Item = (Point2<f64>, (f64, f64))> + Clone),
-        least: f64,
-        lane_sigma_px: f64,
-    ) {
+    /// The places are not independent: the one that fits worst counts.
+    fn lane_gains(&mut self, scene: &Scene<'_>, places: &[Option<Place>], least: f64, lane_sigma_px: f64) {
         for (feature, gain) in scene.features.lanes.iter().zip(&mut self.gains) {
-            let worst = places.clone().filter_map(|(at, (column_px, row_px))| {
-                let (column, slope) = column_at(feature, at.y)?;
-                let sigma_px = column_px.hypot(slope * row_px).hypot(lane_sigma_px);
-                let off_px = at.x - column;
-                let density = log_normal(off_px, sigma_px);
-                Some(if off_px.abs() < 3.0 * sigma_px { density } else { f64::NEG_INFINITY })
-            });
-            if let Some(density) = worst.reduce(f64::min) {
+            let mut worst: Option<f64> = None;
+            for place in places.iter().flatten() {
+                let Some((column, slope)) = column_at(feature, place.at_px.y) else { continue };
+                let off_px = place.at_px.x - column;
+                let all2 = place.column2 + slope * slope * place.row2 + lane_sigma_px * lane_sigma_px;
+                let mut density = f64::NEG_INFINITY;
+                if off_px * off_px < FAR2 * all2 {
+                    let sigma_px = place.column_px.hypot(slope * place.row_px).hypot(lane_sigma_px);
+                    if off_px.abs() < 3.0 * sigma_px {
+                        density = log_normal(off_px, sigma_px);
+                    }
+                }
+                worst = Some(worst.map_or(density, |worst| worst.min(density)));
+                if density == f64::NEG_INFINITY {
+                    break;
+                }
+            }
+            if let Some(density) = worst {
                 *gain = gain.max(least + density);
             }
         }
     }
 }
+
+/// Where a cell sees a lane line, with the cell's variances there.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    at_px: Point2<f64>,
+    column_px: f64,
+    row_px: f64,
+    /// The squares of these, but for rounding.
+    column2: f64,
+    row2: f64,
+}
+
+impl Place {
+    fn new(at_px: Point2<f64>, p: &Vector3<f64>, cell: &Cell, focal_px: f64) -> Self {
+        let (column_px, row_px) = cell.pixels(p, focal_px);
+        Self { at_px, column_px, row_px, column2: column_px * column_px, row2: row_px * row_px }
+    }
+}
+
+/// Square of the standard deviations within which something is near, and a hair
+/// more: what is not near by this is not by the exact ones either.
+const FAR2: f64 = 9.0 * (1.0 + 1e-9);
 
 fn is_inside(p: &Point2<f64>, scene: &Scene<'_>) -> bool {
     p.x > 0.0 && p.x < scene.image.width_px

@@ -110,7 +110,7 @@ pub fn find(scene: &Scene<'_>, best: &Hypothesis, associator: &mut Associator, c
     let mut scored: Vec<_> = shifts
         .map(|shift| {
             let shifted = retract(&pose, &shift);
-            (associator.matcher.run(scene, &shifted, &covariance), shifted)
+            (associator.matcher.support(scene, &shifted, &covariance), shifted)
         })
         .collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));

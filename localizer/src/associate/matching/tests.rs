@@ -1,6 +1,6 @@
 use common::geometry::{PinholeCamera, Pose, PoseParameters, Tangent, retract};
 use common::map::{PoleKind, SemanticMap};
-use nalgebra::Vector6;
+use nalgebra::{Point3, Vector6};
 
 use super::*;
 use crate::features::Features;

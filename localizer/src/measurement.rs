@@ -138,6 +138,7 @@ pub struct PoleEnds {
 
 impl PoleImage {
     /// Eq. 6 and 7: cut at the near plane; none wholly behind it.
+    #[inline]
     pub fn new(view: &View, pole: &PoleCandidate) -> Option<Self> {
         let (mut foot_map, mut top_map) = (pole.foot_map, pole.top_map);
         let (mut foot, mut top) = (view.to_camera(&foot_map), view.to_camera(&top_map));
@@ -174,6 +175,7 @@ impl PoleImage {
     }
 
     /// The middle of it in the map, metres.
+    #[inline]
     pub fn middle_map(&self) -> Point3<f64> {
         nalgebra::center(&self.foot_map, &self.top_map)
     }

@@ -59,6 +59,7 @@ impl PreparedPole {
     }
 
     /// Variance of the line's place, `along_px` below the upper end, px^2.
+    #[inline]
     pub fn variance_px2(&self, along_px: f64) -> f64 {
         let lever = self.angle_sigma_rad * (along_px - 0.5 * self.length_px);
         self.offset_sigma_px * self.offset_sigma_px + lever * lever
@@ -87,6 +88,7 @@ pub struct PreparedLane {
 
 impl PreparedLane {
     /// From far (top) to near; at least two.
+    #[inline]
     pub fn knots(&self) -> &[Knot] {
         &self.knots[..self.count]
     }

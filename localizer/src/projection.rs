@@ -18,6 +18,7 @@ pub struct ImageSize {
 
 impl ImageSize {
     /// Whether a pixel lies in the image widened by `margin_px` on each side.
+    #[inline]
     pub fn contains(&self, p: &Point2<f64>, margin_px: f64) -> bool {
         p.x >= -margin_px
             && p.y >= -margin_px
@@ -52,11 +53,13 @@ impl View {
     }
 
     /// A map point in the axes of this camera (not the reference), metres.
+    #[inline]
     pub fn to_camera(&self, point_map: &Point3<f64>) -> Vector3<f64> {
         self.rotation * point_map.coords + self.translation
     }
 
     /// The image of a point in this camera's axes that lies in front of it.
+    #[inline]
     pub fn pixel(&self, p: &Vector3<f64>) -> Point2<f64> {
         let inverse_depth = 1.0 / p.z;
         Point2::new(
@@ -66,6 +69,7 @@ impl View {
     }
 
     /// A map point in the image with its depth (m); none behind [`NEAR_M`].
+    #[inline]
     pub fn project(&self, point_map: &Point3<f64>) -> Option<(Point2<f64>, f64)> {
         let p = self.to_camera(point_map);
         (p.z >= NEAR_M).then(|| (self.pixel(&p), p.z))
@@ -77,6 +81,7 @@ impl View {
     /// With q the point in the reference camera's frame, a tangent (rho, phi)
     /// moves it to `q - rho + q x phi`; with `g` the gradient of
     /// `normal . pixel` in p this gives `(-g, g x q)`.
+    #[inline]
     pub fn jacobian_row(&self, p: &Vector3<f64>, normal: &Vector2<f64>) -> Vector6<f64> {
         let inverse_depth = 1.0 / p.z;
         let gx = normal.x * self.camera.fx_px * inverse_depth;
@@ -90,6 +95,7 @@ impl View {
 /// Where on a segment in space (0 at `a`, 1 at `b`) the point lies that is
 /// seen at `fraction` of the segment's image; depths in metres. Inverse depth
 /// is linear in the image.
+#[inline]
 pub fn fraction_in_space(fraction: f64, depth_a_m: f64, depth_b_m: f64) -> f64 {
     let toward_b = fraction * depth_a_m;
     let toward_a = (1.0 - fraction) * depth_b_m;

@@ -27,11 +27,13 @@ pub struct Observation {
 
 impl Observation {
     /// The point is seen on the line through `on_line_px` with this normal.
+    #[inline]
     pub fn on_line(point_map: Point3<f64>, normal: Vector2<f64>, on_line_px: &Point2<f64>, sigma_px: f64) -> Self {
         Self { point_map, normal, offset_px: normal.dot(&on_line_px.coords), sigma_px }
     }
 
     /// Signed distance in the image, pixels; none behind the camera.
+    #[inline]
     pub fn distance_px(&self, view: &View) -> Option<f64> {
         let (pixel, _) = view.project(&self.point_map)?;
         Some(self.normal.dot(&pixel.coords) - self.offset_px)
@@ -39,6 +41,7 @@ impl Observation {
 
     /// Signed distance (px) and its derivative for the local tangent of the
     /// pose; none behind the camera.
+    #[inline]
     pub fn linearise(&self, view: &View) -> Option<(f64, Vector6<f64>)> {
         let p = view.to_camera(&self.point_map);
         (p.z >= NEAR_M).then(|| {

@@ -25,6 +25,7 @@ pub enum Loss {
 impl Loss {
     /// Cost and weight (its derivative) for a squared whitened residual `s`,
     /// scale `c` in standard deviations. All losses are `s` near zero.
+    #[inline]
     fn evaluate(self, s: f64, c: f64) -> (f64, f64) {
         let c2 = c * c;
         match self {
@@ -147,6 +148,7 @@ pub struct Normal {
 
 impl Normal {
     /// Of observations seen from a pose.
+    #[inline]
     pub fn of(observations: &[Observation], view: &View) -> Self {
         let mut sum = Self { lower: Matrix6::zeros(), gradient: Vector6::zeros(), square: 0.0, behind: 0 };
         for observation in observations {

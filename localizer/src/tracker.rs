@@ -59,6 +59,8 @@ pub struct Tracker<'a> {
     config: Config,
     /// Best first, never empty once started.
     bank: Vec<Hypothesis>,
+    /// The buffer that the bank is moved to next.
+    spare: Vec<Hypothesis>,
     last_time_s: Option<f64>,
     /// Where the camera must be by GPS and by the last trusted pose.
     region: Option<State>,
@@ -81,6 +83,7 @@ impl<'a> Tracker<'a> {
             image,
             config: config.clone(),
             bank: Vec::new(),
+            spare: Vec::new(),
             last_time_s: None,
             region: None,
             refused_fixes: 0,
@@ -120,8 +123,9 @@ impl<'a> Tracker<'a> {
     /// Moves every hypothesis on; those that do not know their speed yet split
     /// into one for each speed that the images could tell apart.
     fn predict(&mut self, dt_s: f64, odometry: Option<&Odometry>) {
-        let previous = std::mem::take(&mut self.bank);
-        for hypothesis in previous {
+        std::mem::swap(&mut self.bank, &mut self.spare);
+        self.bank.clear();
+        for hypothesis in self.spare.drain(..) {
             hypothesis.predict(dt_s, odometry, &self.config, &mut self.bank);
         }
     }
@@ -253,7 +257,7 @@ impl<'a> Tracker<'a> {
 
     /// Merges what has become the same and drops what the evidence refutes.
     fn prune(&mut self) {
-        let mut kept: Vec<Hypothesis> = Vec::with_capacity(self.bank.len());
+        let mut kept = std::mem::take(&mut self.spare);
         let best = self.bank.first().map_or(0.0, |best| best.log_weight);
         for hypothesis in self.bank.drain(..) {
             let refuted = hypothesis.log_weight < best - self.config.bank.prune_margin
@@ -263,15 +267,18 @@ impl<'a> Tracker<'a> {
                 kept.push(hypothesis);
             }
         }
-        self.bank = kept;
+        self.spare = std::mem::replace(&mut self.bank, kept);
     }
 
     /// Looks beside the best hypothesis for poses that explain the frame as
     /// well; returns by how much support the best is ahead, nats: in this
     /// frame, or when it was last looked.
     fn find_rivals(&mut self) -> Result<f64> {
-        let Some(best) = self.bank.first() else { return Ok(0.0) };
-        let best = best.clone();
+        let Some(first) = self.bank.first_mut() else { return Ok(0.0) };
+        // All but the list of its matches.
+        let matches = std::mem::take(&mut first.correspondences);
+        let best = first.clone();
+        first.correspondences = matches;
         let reach = self.config.rivals.reach(&best.state.pose_covariance());
         self.select(&best.state.map_from_camera, &reach)?;
         let scene = Scene {

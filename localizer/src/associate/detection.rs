@@ -77,6 +77,7 @@ impl Default for DetectionConfig {
 }
 
 impl DetectionConfig {
+    #[inline]
     fn at(&self, near: f64, range_m: f64, depth_m: f64, sight_m: f64) -> f64 {
         let blocked = (sight_m - self.open_m).max(0.0) / self.fade_m;
         let far = depth_m / range_m;
@@ -85,6 +86,7 @@ impl DetectionConfig {
 
     /// Probability to find a pole at this depth (m), the line of sight to
     /// which leaves the roads by `sight_m`.
+    #[inline]
     pub fn pole(&self, kind: PoleKind, depth_m: f64, sight_m: f64) -> f64 {
         let (near, range_m) = match kind {
             PoleKind::LampPost => (self.lamp_post, self.range_m),
@@ -96,6 +98,7 @@ impl DetectionConfig {
     }
 
     /// Probability to find a sign; arguments as for [`Self::pole`].
+    #[inline]
     pub fn sign(&self, kind: SignKind, depth_m: f64, sight_m: f64) -> f64 {
         let near = match kind {
             SignKind::TrafficSign => self.traffic_sign,
@@ -105,6 +108,7 @@ impl DetectionConfig {
     }
 
     /// Probability to find a lane line in the range in which it is used.
+    #[inline]
     pub fn lane(&self, kind: LaneKind) -> f64 {
         match kind {
             LaneKind::Solid => self.solid_lane,

@@ -85,6 +85,8 @@ impl Refined {
 pub struct Associator {
     /// The matcher, with the matches of the last call.
     pub matcher: Matcher,
+    /// Buffer of poses and their support.
+    pub scored: Vec<(f64, Pose)>,
     observations: Vec<Observation>,
     groups: Vec<Group>,
     previous: Vec<(LandmarkId, usize)>,
@@ -214,27 +216,32 @@ impl Associator {
         if count > 0.0 { ((square / count).sqrt(), whitened / count) } else { (0.0, 0.0) }
     }
 
-    /// The matches of the last call at a pose, as they stand in an estimate.
-    pub fn correspondences(&self, scene: &Scene<'_>, pose: &Pose, solver: &SolverConfig) -> Vec<Correspondence> {
+    /// Replaces `out` by the matches of the last call at a pose, as they stand
+    /// in an estimate.
+    pub fn correspondences(
+        &self,
+        scene: &Scene<'_>,
+        pose: &Pose,
+        solver: &SolverConfig,
+        out: &mut Vec<Correspondence>,
+    ) {
         let view = View::new(scene.camera, pose);
-        let matches = self.matcher.matches.iter();
-        matches
-            .map(|found| {
-                let observations = found.pairing.observations();
-                let count = observations.len() as f64;
-                let (mut square, mut whitened) = (0.0, 0.0);
-                for observation in observations {
-                    let distance_px = observation.distance_px(&view).unwrap_or(f64::MAX.sqrt());
-                    square += distance_px * distance_px;
-                    whitened += (distance_px / observation.sigma_px).powi(2);
-                }
-                Correspondence {
-                    landmark: found.landmark,
-                    feature: found.feature,
-                    residual_px: (square / count).sqrt(),
-                    weight: solver.weight(whitened / count),
-                }
-            })
-            .collect()
+        out.clear();
+        out.extend(self.matcher.matches.iter().map(|found| {
+            let observations = found.pairing.observations();
+            let count = observations.len() as f64;
+            let (mut square, mut whitened) = (0.0, 0.0);
+            for observation in observations {
+                let distance_px = observation.distance_px(&view).unwrap_or(f64::MAX.sqrt());
+                square += distance_px * distance_px;
+                whitened += (distance_px / observation.sigma_px).powi(2);
+            }
+            Correspondence {
+                landmark: found.landmark,
+                feature: found.feature,
+                residual_px: (square / count).sqrt(),
+                weight: solver.weight(whitened / count),
+            }
+        }));
     }
 }

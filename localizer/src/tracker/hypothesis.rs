@@ -360,7 +360,7 @@ impl Hypothesis {
             &config.separation,
             &config.solver,
         );
-        self.correspondences = associator.correspondences(scene, &refined.map_from_camera, &config.solver);
+        associator.correspondences(scene, &refined.map_from_camera, &config.solver, &mut self.correspondences);
         None
     }
 }

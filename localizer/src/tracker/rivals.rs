@@ -107,15 +107,15 @@ pub fn find(scene: &Scene<'_>, best: &Hypothesis, associator: &mut Associator, c
     // Each is as uncertain as the shifts are apart.
     let sigmas = Vector6::new(0.5, 0.1, 0.6, 0.01, 0.015, 0.01);
     let covariance = Matrix6::from_diagonal(&sigmas.component_mul(&sigmas));
-    let mut scored: Vec<_> = shifts
-        .map(|shift| {
-            let shifted = retract(&pose, &shift);
-            (associator.matcher.support(scene, &shifted, &covariance), shifted)
-        })
-        .collect();
+    let mut scored = std::mem::take(&mut associator.scored);
+    scored.clear();
+    scored.extend(shifts.map(|shift| {
+        let shifted = retract(&pose, &shift);
+        (associator.matcher.support(scene, &shifted, &covariance), shifted)
+    }));
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut found: Vec<Refined> = Vec::new();
-    for (_, shifted) in scored.into_iter().take(rivals.refined) {
+    for &(_, shifted) in scored.iter().take(rivals.refined) {
         let Some(prior) = Prior::new(shifted, &covariance) else { continue };
         let refined = associator.refine(scene, &shifted, &covariance, &prior, &config.robust, &config.solver);
         let Some(refined) = refined else { continue };
@@ -125,6 +125,7 @@ pub fn find(scene: &Scene<'_>, best: &Hypothesis, associator: &mut Associator, c
             found.push(refined);
         }
     }
+    associator.scored = scored;
     found
 }
 

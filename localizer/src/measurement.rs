@@ -105,7 +105,9 @@ impl Pairing {
 impl From<[Observation; 2]> for Pairing {
     fn from(two: [Observation; 2]) -> Self {
         let mut pairing = Self::empty();
-        two.into_iter().for_each(|observation| pairing.push(observation));
+        for observation in two {
+            pairing.push(observation);
+        }
         pairing
     }
 }

@@ -116,7 +116,9 @@ impl<'a> Tracker<'a> {
         let nearby = self.search_nearby()?;
         let margin = self.find_rivals()?;
         // What was added now stands behind those that were tracked.
-        nearby.into_iter().for_each(|hypothesis| self.add(hypothesis));
+        for hypothesis in nearby {
+            self.add(hypothesis);
+        }
         Ok(self.speak(margin))
     }
 

@@ -111,9 +111,9 @@ impl<'a> Tracker<'a> {
         if self.prepared.is_empty() {
             return Ok(self.speak(0.0));
         }
-        self.search_if_needed()?;
+        let was_searched = self.search_if_needed()?;
         self.prune();
-        let nearby = self.search_nearby()?;
+        let nearby = if was_searched { Vec::new() } else { self.search_nearby()? };
         let margin = self.find_rivals()?;
         // What was added now stands behind those that were tracked.
         for hypothesis in nearby {
@@ -204,8 +204,8 @@ impl<'a> Tracker<'a> {
     }
 
     /// Searches the region while nothing is tracked that the last frames
-    /// speak for.
-    fn search_if_needed(&mut self) -> Result<()> {
+    /// speak for; says whether it did.
+    fn search_if_needed(&mut self) -> Result<bool> {
         let bank = &self.config.bank;
         let lead = self.lead();
         let sure = self.bank.first().is_some_and(|best| {
@@ -216,9 +216,9 @@ impl<'a> Tracker<'a> {
                 || (alone && best.log_weight >= 2.0 * bank.sure_evidence)
         });
         if sure || self.prepared.is_empty() {
-            return Ok(());
+            return Ok(false);
         }
-        let Some(region) = self.region.clone() else { return Ok(()) };
+        let Some(region) = self.region.clone() else { return Ok(false) };
         let rough = region::rough_of(&region, &self.config);
         let reach = Reach {
             position_m: self.config.start.reach_sigmas * rough.sigmas[0].hypot(rough.sigmas[2]),
@@ -247,7 +247,7 @@ impl<'a> Tracker<'a> {
             self.add(Hypothesis::found(&refined, &region, handicap, &self.config));
         }
         self.sort();
-        Ok(())
+        Ok(true)
     }
 
     /// Adds a hypothesis unless one like it is tracked already.

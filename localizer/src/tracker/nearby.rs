@@ -22,6 +22,9 @@ use crate::start::{Rough, StartConfig};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NearbyConfig {
+    /// It is searched in every so many frames: it costs as much as some frames,
+    /// and a pose that went astray stays there.
+    pub every_frames: usize,
     /// Least standard deviation to the sides, metres: with 2.5 of them to the
     /// edge of the lane.
     pub right_sigma_m: f64,
@@ -43,6 +46,7 @@ pub struct NearbyConfig {
 impl Default for NearbyConfig {
     fn default() -> Self {
         Self {
+            every_frames: 3,
             right_sigma_m: 0.5,
             forward_sigma_m: 1.0,
             yaw_sigma_rad: 0.04,
@@ -58,10 +62,11 @@ impl Tracker<'_> {
     /// The poses around the best hypothesis for which this frame says about as
     /// much; none while that is trusted.
     pub(super) fn search_nearby(&mut self) -> Result<Vec<Hypothesis>> {
-        let Some(best) = self.bank.first().filter(|_| self.status != Some(Status::Ok)).cloned() else {
-            return Ok(Vec::new());
-        };
         let config = &self.config.nearby;
+        let is_due = |best: &&Hypothesis| {
+            self.status != Some(Status::Ok) && best.age_frames.is_multiple_of(config.every_frames.max(1))
+        };
+        let Some(best) = self.bank.first().filter(is_due).cloned() else { return Ok(Vec::new()) };
         let start = StartConfig {
             matched_cells: config.matched_cells,
             refined: config.refined,

@@ -22,7 +22,18 @@ fn is_back(plate: &Plate, rows: &[Row], all: &[Plate], config: &SignConfig) -> b
     let [narrowest, widest] = backs.width_m;
     let lowest = all.iter().map(|p| p.edges.0).fold(f64::INFINITY, f64::min);
     let below = (lowest - POST_BELOW_M)..lowest;
-    let post_rows = rows.iter().filter(|r| below.contains(&r.height) && r.width_m() < narrowest).count();
+    let widths = |heights: std::ops::Range<f64>, widest_m: f64| {
+        let mut widths_m: Vec<f64> =
+            rows.iter().filter(|r| heights.contains(&r.height)).map(Row::width_m).filter(|w| *w < widest_m).collect();
+        widths_m.sort_by(f64::total_cmp);
+        widths_m
+    };
+    let (post_m, plate_m) = (widths(below, narrowest), widths(plate.edges.0..plate.edges.1, f64::INFINITY));
+    // A round mast is as wide from all sides, and turned into a plane wider.
+    let stands_out = match (post_m.get(post_m.len() / 2), plate_m.get(plate_m.len() * 4 / 5)) {
+        (Some(post_m), Some(plate_m)) => *plate_m >= backs.least_over_post * post_m,
+        _ => false,
+    };
     plate.above_ground_m >= backs.lowest_m
         && height_m >= backs.least_height_m
         && (narrowest..=widest).contains(&plate.width_m)
@@ -32,5 +43,6 @@ fn is_back(plate: &Plate, rows: &[Row], all: &[Plate], config: &SignConfig) -> b
         && plate.rows >= backs.fewest_rows
         && plate.scans >= backs.fewest_scans
         && plate.agreement >= backs.least_agreement
-        && post_rows >= backs.fewest_post_rows
+        && post_m.len() >= backs.fewest_post_rows
+        && stands_out
 }

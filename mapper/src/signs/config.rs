@@ -90,6 +90,9 @@ pub struct OutlineConfig {
     /// Least share of bright rows among the nearer ones on the front of a
     /// retro-reflective sign: else its outline is that of a wall around it.
     pub least_bright_share: f64,
+    /// Least width of the rows whose middles count, over that of the plate: of
+    /// narrower ones an end may be hidden.
+    pub least_whole_share: f64,
     /// Noise of a row's middle, metres.
     pub noise_m: f64,
     /// What all rows of a plate err by together, metres: poses, and range errors
@@ -110,6 +113,7 @@ impl Default for OutlineConfig {
             bright: 0.7,
             bright_within_m: 40.0,
             least_bright_share: 0.6,
+            least_whole_share: 0.75,
             noise_m: 0.03,
             pose_m: 0.015,
         }
@@ -140,6 +144,9 @@ pub struct BackConfig {
     pub least_agreement: f64,
     /// Fewest rows on the bare post below it.
     pub fewest_post_rows: usize,
+    /// Least width of its rows over those of the bare post below it: those of a
+    /// thick mast differ by up to a half.
+    pub least_over_post: f64,
 }
 
 impl Default for BackConfig {
@@ -154,6 +161,7 @@ impl Default for BackConfig {
             fewest_scans: 2,
             least_agreement: 0.8,
             fewest_post_rows: 4,
+            least_over_post: 1.6,
         }
     }
 }
@@ -178,16 +186,25 @@ pub struct LightConfig {
     /// Farthest hit of a box from the axis, metres: half its depth and its visors
     /// reach 0.45 m.
     pub reach_m: f64,
-    /// Least and largest height of a box, metres: two to four lenses of 0.2 to
-    /// 0.3 m.
-    pub height_m: [f64; 2],
-    /// Least and largest width of a box, metres.
+    /// Least and largest height of what is seen of a box, metres: a part of two
+    /// lenses of 0.2 m, and four of 0.3 m.
+    pub seen_m: [f64; 2],
+    /// Usual heights of boxes with two and with three lenses of 0.2 m, metres:
+    /// upper edges are seldom seen, as 20 m off the highest beam is 2.4 m up.
+    pub usual_heights_m: [f64; 2],
+    /// Least and largest width of a box, metres: housings are 0.2 to 0.36 m wide.
     pub width_m: [f64; 2],
     /// Depth of a box without its visors, metres.
     pub depth_m: f64,
     /// Boxes whose middles are this far apart in the plane hang on different
     /// sides of their post, metres.
     pub apart_m: f64,
+    /// Least share of the one's hits at the heights at which two boxes hang: less
+    /// are of the other one's edge.
+    pub least_own_share: f64,
+    /// Longest gap in height between two hits on one box, metres: the distance of
+    /// two beams at 35 m.
+    pub longest_gap_m: f64,
     /// Fewest hits on the box.
     pub fewest_hits: usize,
     /// Fewest scans with hits on the box.
@@ -203,10 +220,13 @@ impl Default for LightConfig {
             least_dark_share: 0.7,
             off_post_m: 0.06,
             reach_m: 0.5,
-            height_m: [0.4, 1.4],
-            width_m: [0.1, 0.5],
+            seen_m: [0.25, 1.4],
+            usual_heights_m: [0.6, 0.9],
+            width_m: [0.1, 0.4],
             depth_m: 0.24,
             apart_m: 0.12,
+            least_own_share: 1.0 / 3.0,
+            longest_gap_m: 0.25,
             fewest_hits: 20,
             fewest_scans: 3,
         }

@@ -188,21 +188,21 @@ fn plate(
     let (lowest, highest) = (on.first()?, on.last()?);
     let across = Vector2::new(-normal.y, normal.x);
     let origin = axis.at(highest.height).coords;
+    let width = |r: &Row| {
+        r.width_m() / r.view.dot(&normal).abs().max(0.3) + (lidar.azimuth_step_rad - config.beam_rad) * r.range_m
+    };
+    // The widest rows, as a disc is narrower above and below.
+    let mut widths: Vec<f64> = long.iter().map(|r| width(r)).collect();
+    widths.sort_by(f64::total_cmp);
+    let width_m = *widths.get(widths.len() * 4 / 5)?;
     let weighted = |value: &dyn Fn(&Row) -> f64| {
-        // A row's ends are as exact as its hits are dense.
-        weighted_median(long.iter().map(|r| (value(r), r.range_m.powi(2).recip())).collect())
+        // A row's ends are as exact as its hits are dense. One that is much
+        // shorter than others may be hidden on one side.
+        let whole = long.iter().filter(|r| width(r) >= config.least_whole_share * width_m);
+        weighted_median(whole.map(|r| (value(r), r.range_m.powi(2).recip())).collect())
     };
     let aside_m = weighted(&|r| (r.middle.coords - origin).dot(&across))?;
     let before_m = weighted(&|r| (r.middle.coords - origin).dot(&normal))?;
-    // The widest rows, as a disc is narrower above and below.
-    let mut widths: Vec<f64> = long
-        .iter()
-        .map(|r| {
-            r.width_m() / r.view.dot(&normal).abs().max(0.3) + (lidar.azimuth_step_rad - config.beam_rad) * r.range_m
-        })
-        .collect();
-    widths.sort_by(f64::total_cmp);
-    let width_m = *widths.get(widths.len() * 4 / 5)?;
 
     let mut scans: Vec<u16> = on.iter().map(|r| r.scan).collect();
     scans.sort_unstable();

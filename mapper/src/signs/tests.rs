@@ -106,6 +106,16 @@ fn a_dark_box_before_a_mast_is_a_light_and_a_low_one_is_not() {
 }
 
 #[test]
+fn a_light_whose_upper_half_is_out_of_sight_has_its_middle_where_lights_have_it() {
+    let mut post = Post::new(5.0, 40.0);
+    post.board(0.3, (2.2, 2.7), 0.3, [Some(HOUSING), None]);
+    post.board(0.3, (2.2, 2.7), 0.06, [None, Some(HOUSING)]);
+    let signs = post.found(2.7);
+    assert_eq!(signs.len(), 1, "{signs:?}");
+    assert!((-signs[0].centroid.y + CAMERA_HEIGHT_M - 2.65).abs() < 0.1, "{:?}", signs[0]);
+}
+
+#[test]
 fn a_post_alone_and_a_hedge_around_it_carry_no_sign() {
     assert!(Post::new(5.0, 30.0).found(2.8).is_empty());
     let mut post = Post::new(5.0, 30.0);

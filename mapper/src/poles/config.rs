@@ -146,6 +146,9 @@ pub struct PoleConfig {
     pub rail_half_width_m: f64,
     /// Lowest rail, metres above ground: below it is grass.
     pub lowest_rail_m: f64,
+    /// Longest gap between the last post of a fence and its rails, metres: a
+    /// gate for those who walk, or what hides them.
+    pub fence_gap_m: f64,
     /// Longest span of a fence between two posts, metres.
     pub fence_span_m: f64,
     /// How far a post may be off the line of a rail, metres: its direction is
@@ -255,6 +258,7 @@ impl Default for PoleConfig {
             rail_m: 0.5,
             rail_half_width_m: 0.08,
             lowest_rail_m: 0.35,
+            fence_gap_m: 1.2,
             fence_span_m: 3.0,
             fence_off_line_m: 0.5,
             fence_height_m: 0.2,

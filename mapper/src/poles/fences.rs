@@ -1,9 +1,10 @@
 //! Fences: the rails that go out from their posts, and the rows that these make.
 
-use nalgebra::Vector2;
+use nalgebra::{Point2, Vector2};
 
 use super::axis::{Axis, Hit};
 use super::{FittedPole, PoleConfig};
+use crate::cloud::Cloud;
 
 /// Directions in which a rail is looked for: every 10 degrees, as wide as the
 /// tolerance across it at the far end of its reach.
@@ -16,6 +17,13 @@ const LAYER_M: f64 = 0.15;
 /// Largest cosine between the rails to both sides of a post: fences turn at
 /// posts, by less than a right angle mostly.
 const ON_THE_OTHER_SIDE: f64 = -0.5;
+
+fn ways() -> impl Iterator<Item = Vector2<f64>> {
+    (0..DIRECTIONS).map(|k| {
+        let angle = k as f64 * std::f64::consts::TAU / DIRECTIONS as f64;
+        Vector2::new(angle.cos(), angle.sin())
+    })
+}
 
 /// The direction, map (x, z), of one of the rails that go out from a post to
 /// both sides: hits in one direction and at one height, from its surface on
@@ -41,11 +49,7 @@ pub(super) fn rail(
         .map(|h| (h.at - axis.at(h.height), (2.0 * (h.above_ground - low_m) / LAYER_M) as usize))
         .filter(|(off, layer)| (from_m..from_m + config.rail_m).contains(&off.norm()) && *layer < layers)
         .collect();
-    let ways: Vec<Vector2<f64>> = (0..DIRECTIONS)
-        .map(|k| {
-            let angle = k as f64 * std::f64::consts::TAU / DIRECTIONS as f64;
-            Vector2::new(angle.cos(), angle.sin())
-        })
+    let ways: Vec<Vector2<f64>> = ways()
         .filter(|way| {
             let mut filled = vec![0_u32; layers + 1];
             for (off, layer) in &beside {
@@ -63,6 +67,72 @@ pub(super) fn rail(
         .collect();
     // To one side only it may be a branch, a bicycle or the edge of a car.
     ways.iter().find(|way| ways.iter().any(|other| way.dot(other) < ON_THE_OTHER_SIDE)).copied()
+}
+
+/// Whether a low pole is the last post of a fence: two rails, one above the
+/// other, go towards it from one side and end at it or at a gap, and it is as
+/// high as they are.
+pub(super) fn ends_fence(cloud: &Cloud, pole: &FittedPole, config: &PoleConfig) -> bool {
+    if pole.top_height_m > config.short_top_m || pole.reflectance >= config.sheeting_reflectance {
+        return false;
+    }
+    let (low_m, high_m) = (config.lowest_rail_m, pole.top_height_m + config.fence_height_m);
+    let from_m = pole.radius_m + config.gap_from_m;
+    let reach_m = config.fence_gap_m + config.rail_m;
+    let layers = (2.0 * (high_m - low_m).max(0.0) / LAYER_M) as usize + 1;
+    let rise_m = (pole.foot.y - pole.top.y).max(PIECE_M);
+    let at = Point2::new(pole.foot.x, pole.foot.z);
+    let cells = (reach_m / cloud.ground.grid().cell_m).ceil() as usize;
+    let mut beside: Vec<(u16, usize, Vector2<f64>)> = cloud
+        .within_cells(&at, cells)
+        .filter(|p| (low_m..high_m).contains(&f64::from(p.height_m)))
+        .map(|p| {
+            let axis = pole.foot + (pole.top - pole.foot) * ((pole.foot.y - p.position.y) / rise_m);
+            let layer = (2.0 * (f64::from(p.height_m) - low_m) / LAYER_M) as usize;
+            (p.scan, layer, Vector2::new(p.position.x - axis.x, p.position.z - axis.z))
+        })
+        .filter(|(_, layer, off)| (from_m..from_m + reach_m).contains(&off.norm()) && *layer < layers)
+        .collect();
+    beside.sort_by_key(|hit| hit.0);
+    ways().any(|way| {
+        // Pieces that one scan and that two have seen: what passes by is seen
+        // once at each place, its side as rows with gaps between them.
+        let (mut once, mut twice) = (vec![0_u32; layers + 1], vec![0_u32; layers + 1]);
+        for of_scan in beside.chunk_by(|a, b| a.0 == b.0) {
+            let mut seen = vec![0_u32; layers + 1];
+            for (_, layer, off) in of_scan {
+                let along = off.dot(&way) - from_m;
+                // The way is known to half the angle between two.
+                let half_m = config.rail_half_width_m + along * (std::f64::consts::PI / DIRECTIONS as f64);
+                if along >= 0.0 && off.perp(&way).abs() < half_m {
+                    let piece = 1 << ((along / PIECE_M) as u32).min(31);
+                    seen[*layer] |= piece;
+                    seen[layer + 1] |= piece;
+                }
+            }
+            for ((once, twice), seen) in once.iter_mut().zip(&mut twice).zip(seen) {
+                *twice |= *once & seen;
+                *once |= seen;
+            }
+        }
+        rails_above_each_other(&once, &twice, config) >= 2
+    })
+}
+
+/// The rails among the layers of one way, from below: runs of layers with a
+/// whole rail that two scans have seen, with one between them that none has.
+fn rails_above_each_other(once: &[u32], twice: &[u32], config: &PoleConfig) -> usize {
+    let pieces = (config.rail_m / PIECE_M).round().max(2.0) as u32;
+    let (mut rails, mut is_open) = (0, true);
+    for (once, twice) in once.iter().zip(twice) {
+        // A run of so many: each step leaves those that go on for one more.
+        let is_rail = (1..pieces).fold(*twice, |run, _| run & (run >> 1)) != 0;
+        if is_rail && is_open {
+            (rails, is_open) = (rails + 1, false);
+        }
+        is_open |= once.count_ones() <= 1;
+    }
+    rails
 }
 
 /// Which of the poles stand in a fence: low ones with a rail, and those in line

@@ -23,7 +23,7 @@ pub use stacks::{Stack, Stacks};
 use crate::cloud::{Cloud, CloudPoint};
 use crate::lidar::LidarConfig;
 use crate::signs::clusters;
-use fences::in_fences;
+use fences::{ends_fence, in_fences};
 use looks::looked_through;
 use roofs::without_pillars;
 
@@ -62,7 +62,7 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
             off.coords.norm() < config.ring_inner_m
         });
         let kind = kind_of(&pole, &stacks, config);
-        if !known && (kind != PoleKind::Trunk || config.keep_trunks) {
+        if !known && (kind != PoleKind::Trunk || config.keep_trunks) && !ends_fence(cloud, &pole, config) {
             kept.push((kind, pole));
         }
     }

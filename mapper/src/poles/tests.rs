@@ -82,6 +82,32 @@ fn posts_of_fences_and_gates_are_no_poles() {
     assert!(found(street).is_empty());
 }
 
+/// Poles found where a post has rails in line with it, from a distance on, that
+/// so many scans see.
+fn post_by_rails(from_m: f64, rails_m: &[f64], scans: u16) -> usize {
+    let mut street = Street::new();
+    post(&mut street, Point3::new(6.0, CAMERA_HEIGHT_M, 20.0), 1.1, 0.04);
+    for scan in 0..scans {
+        for (i, up) in (0..60).flat_map(|i| rails_m.iter().map(move |up| (i, *up))) {
+            let z = 20.0 + from_m + f64::from(i) * 0.025;
+            street.add(Point3::new(6.0, CAMERA_HEIGHT_M - up, z), scan, 0.3, None);
+        }
+    }
+    found(street).len()
+}
+
+#[test]
+fn the_last_post_of_a_fence_is_no_pole_and_one_with_less_beside_it_is() {
+    assert_eq!(post_by_rails(0.05, &[0.5, 1.0], 10), 0);
+    // Across a gate.
+    assert_eq!(post_by_rails(0.9, &[0.5, 1.0], 10), 0);
+    // A crash barrier, and the end of a hedge.
+    assert_eq!(post_by_rails(0.9, &[0.5], 10), 1);
+    assert_eq!(post_by_rails(0.9, &[0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0], 10), 1);
+    // Whoever passes by.
+    assert_eq!(post_by_rails(0.9, &[0.5, 1.0], 1), 1);
+}
+
 #[test]
 fn a_delineator_before_a_hedge_is_found_by_its_reflector() {
     let mut street = Street::new();

@@ -51,8 +51,8 @@ impl Default for NearbyConfig {
             forward_sigma_m: 1.0,
             yaw_sigma_rad: 0.04,
             height_sigma_m: 0.1,
-            matched_cells: 24,
-            refined: 5,
+            matched_cells: 12,
+            refined: 3,
             kept: 2,
         }
     }

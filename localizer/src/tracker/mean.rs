@@ -13,7 +13,10 @@ pub fn mean_of(bank: &[Hypothesis], doubt: f64) -> Option<(Pose, Matrix6<f64>)> 
     let pose = best.state.map_from_camera;
     let (mut total, mut mean, mut square) = (0.0, Tangent::zeros(), Matrix6::zeros());
     for hypothesis in bank {
-        let weight = ((hypothesis.log_weight - best.log_weight) / doubt.max(1e-3)).exp();
+        // What it has to make up for is no evidence: that counts in full.
+        let evidence = |of: &Hypothesis| of.log_weight + of.handicap;
+        let ahead = (evidence(hypothesis) - evidence(best)) / doubt.max(1e-3);
+        let weight = (ahead - hypothesis.handicap + best.handicap).exp();
         let off = local(&pose, &hypothesis.state.map_from_camera);
         total += weight;
         mean += off * weight;

@@ -287,6 +287,8 @@ mod tests {
                 kind: "solid".into(),
                 points_map_m: vec![[1.5, 1.6, 0.0], [1.5, 1.6, 20.0]],
                 width_m: 0.12,
+                marks_m: Vec::new(),
+                worn_m: Vec::new(),
             }],
         }
     }

@@ -212,7 +212,7 @@ pub enum Error {
     NotAMap,
     /// A map of another version of the format.
     #[error(
-        "this map has format version {found}, and this program reads version {supported}; build the map again with this program, or use the program that made it"
+        "this map has format version {found}, and this program reads versions up to {supported}; build the map again with this program, or use the program that made it"
     )]
     MapVersion {
         /// The version that stands in the file.

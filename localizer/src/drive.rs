@@ -127,20 +127,27 @@ impl Drive {
         config: &VisionConfig,
     ) -> Result<Seen> {
         let started = std::time::Instant::now();
-        let maps = match source {
-            Source::Labels(folder) => labels::read(folder, frame, expected)?,
+        let path = self.sequence.image_path(CAMERA, frame);
+        let (maps, image) = match source {
+            // Its image is worth having, and not needed.
+            Source::Labels(folder) => {
+                let maps = labels::read(folder, frame, expected)?;
+                (maps, if path.is_file() { Some(self.image(frame)?) } else { None })
+            }
             Source::Networks(networks) => {
                 let image = self.image(frame)?;
                 if let Some(expected) = expected {
-                    let path = self.sequence.image_path(CAMERA, frame);
                     check_size(&path, (image.width(), image.height()), expected)?;
                 }
-                network::run_all(networks, &image)?
+                (network::run_all(networks, &image)?, Some(image))
             }
         };
+        if let Some(image) = &image {
+            check_size(&path, (image.width(), image.height()), (maps.width(), maps.height()))?;
+        }
         let maps_ms = started.elapsed().as_secs_f64() * 1e3;
         let started = std::time::Instant::now();
-        let features = crate::vision::extract(&maps, &self.calibrated(config));
+        let features = crate::vision::extract(&maps, image.as_ref(), &self.calibrated(config));
         let features_ms = started.elapsed().as_secs_f64() * 1e3;
         Ok(Seen { features, maps, maps_ms, features_ms })
     }

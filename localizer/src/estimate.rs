@@ -47,6 +47,8 @@ pub enum LandmarkId {
     Lane(usize),
     /// Index into `SemanticMap::signs`.
     Sign(usize),
+    /// The marks of a dashed line; index into `SemanticMap::lanes`.
+    Marks(usize),
 }
 
 /// A landmark and the feature that it was found in.

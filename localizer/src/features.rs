@@ -58,6 +58,20 @@ pub struct LaneFeature {
     pub points_px: Vec<Point2<f64>>,
     /// The straight line fitted to them.
     pub line: LineFeature,
+    /// Where its marks begin and end, from near to far; none where the image
+    /// was not asked, or shows no marks.
+    pub edges: Vec<MarkEdge>,
+}
+
+/// An end of a mark of a dashed line, read from the brightness of the image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MarkEdge {
+    /// On the middle of the line.
+    pub at_px: Point2<f64>,
+    /// It is the end of the mark that is nearer to the camera.
+    pub is_near: bool,
+    /// Standard deviation along the line.
+    pub sigma_px: f64,
 }
 
 /// A compact region.

@@ -31,6 +31,13 @@ pub struct NoiseConfig {
     pub lane_sigma_m: f64,
     /// Lane line and road in height, metres.
     pub lane_height_sigma_m: f64,
+    /// Ends of the marks of dashed lines, metres along the line: beams of the
+    /// lidar cross a line some centimetres apart.
+    pub mark_sigma_m: f64,
+    /// What all marks of a line are off by together, metres: the height of the
+    /// road between the axles, and the times of camera and lidar. On KITTI 04
+    /// marks and poles alike lie 0.1 m off the survey, for seconds.
+    pub mark_common_m: f64,
     /// Calibration, rectification and exposure time, pixels: no feature is
     /// better than this.
     pub calibration_sigma_px: f64,
@@ -57,6 +64,8 @@ impl Default for NoiseConfig {
             sign_sigma_of_size: 0.10,
             lane_sigma_m: 0.03,
             lane_height_sigma_m: 0.03,
+            mark_sigma_m: 0.08,
+            mark_common_m: 0.1,
             calibration_sigma_px: 1.0,
             foot_sigma_m: 0.4,
             low_end_sigma_m: 0.15,
@@ -79,12 +88,12 @@ pub struct Pairing {
 }
 
 impl Pairing {
-    fn empty() -> Self {
+    pub(crate) fn empty() -> Self {
         let blank = Observation { point_map: Point3::origin(), normal: Vector2::x(), offset_px: 0.0, sigma_px: 1.0 };
         Self { observations: [blank; MAX_KNOTS], count: 0 }
     }
 
-    fn push(&mut self, observation: Observation) {
+    pub(crate) fn push(&mut self, observation: Observation) {
         if let Some(slot) = self.observations.get_mut(self.count) {
             *slot = observation;
             self.count += 1;

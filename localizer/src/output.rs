@@ -100,6 +100,7 @@ fn matches_csv(results: &[FrameResult]) -> String {
                 LandmarkId::Pole(index) => ("pole", index),
                 LandmarkId::Lane(index) => ("lane", index),
                 LandmarkId::Sign(index) => ("sign", index),
+                LandmarkId::Marks(index) => ("marks", index),
             };
             let (residual_px, weight) = (found.residual_px, found.weight);
             let _ = writeln!(

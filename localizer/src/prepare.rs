@@ -4,7 +4,7 @@
 use common::geometry::ImageLine;
 use nalgebra::{Point2, Vector2};
 
-use crate::features::{Features, LaneFeature, LineFeature, PointFeature};
+use crate::features::{Features, LaneFeature, LineFeature, MarkEdge, PointFeature};
 
 /// Places along a lane feature where it is compared with the map.
 pub const MAX_KNOTS: usize = 6;
@@ -84,6 +84,8 @@ pub struct PreparedLane {
     pub index: usize,
     knots: [Knot; MAX_KNOTS],
     count: usize,
+    /// The ends of its marks are `Prepared::edges[edges.0..edges.1]`.
+    pub edges: (usize, usize),
 }
 
 impl PreparedLane {
@@ -95,7 +97,7 @@ impl PreparedLane {
 
     fn new(index: usize, feature: &LaneFeature) -> Option<Self> {
         let blank = Knot { at_px: Point2::origin(), normal: Vector2::x(), sigma_px: 1.0 };
-        let mut lane = Self { index, knots: [blank; MAX_KNOTS], count: 0 };
+        let mut lane = Self { index, knots: [blank; MAX_KNOTS], count: 0, edges: (0, 0) };
         let points = &feature.points_px;
         // A tangent takes the points within half a knot distance of its place.
         let window = points.len() / MAX_KNOTS;
@@ -160,6 +162,8 @@ pub struct Prepared {
     pub poles: Vec<PreparedPole>,
     /// Lane lines that have a direction.
     pub lanes: Vec<PreparedLane>,
+    /// Ends of the marks of all lane lines.
+    pub edges: Vec<MarkEdge>,
     /// Signs whose centre is theirs, with their index into `Features::signs`.
     pub signs: Vec<(usize, PointFeature)>,
 }
@@ -170,12 +174,19 @@ impl Prepared {
     pub fn fill(&mut self, features: &Features) {
         self.poles.clear();
         self.lanes.clear();
+        self.edges.clear();
         self.signs.clear();
         let finite = |p: &Point2<f64>| p.x.is_finite() && p.y.is_finite();
         let poles = features.poles.iter().enumerate().filter(|(_, f)| finite(&f.upper_px) && finite(&f.lower_px));
         self.poles.extend(poles.filter_map(|(i, f)| PreparedPole::new(i, f)));
         let lanes = features.lanes.iter().enumerate().filter(|(_, f)| f.points_px.iter().all(finite));
-        self.lanes.extend(lanes.filter_map(|(i, f)| PreparedLane::new(i, f)));
+        for (index, feature) in lanes {
+            let Some(mut lane) = PreparedLane::new(index, feature) else { continue };
+            let first = self.edges.len();
+            self.edges.extend(feature.edges.iter().filter(|edge| finite(&edge.at_px)));
+            lane.edges = (first, self.edges.len());
+            self.lanes.push(lane);
+        }
         let signs = features.signs.iter().copied().enumerate();
         self.signs.extend(signs.filter(|(_, f)| !f.is_cut && finite(&f.centre_px)));
     }
@@ -212,7 +223,7 @@ mod tests {
     fn a_curved_lane_gives_tangents_of_its_own_curve() {
         let curve = |v: f64| 300.0 + 0.002 * (v - 200.0) * (v - 200.0);
         let points_px = (200..320).map(|v| Point2::new(curve(f64::from(v)), f64::from(v))).collect();
-        let lane = LaneFeature { points_px, line: line((300.0, 200.0), (328.0, 320.0)) };
+        let lane = LaneFeature { points_px, line: line((300.0, 200.0), (328.0, 320.0)), edges: Vec::new() };
         let prepared = PreparedLane::new(0, &lane).unwrap();
         assert_eq!(prepared.knots().len(), MAX_KNOTS);
         for knot in prepared.knots() {
@@ -227,7 +238,7 @@ mod tests {
 
     #[test]
     fn a_lane_without_points_is_its_line() {
-        let lane = LaneFeature { points_px: Vec::new(), line: line((300.0, 200.0), (200.0, 320.0)) };
+        let lane = LaneFeature { points_px: Vec::new(), line: line((300.0, 200.0), (200.0, 320.0)), edges: Vec::new() };
         assert_eq!(PreparedLane::new(0, &lane).unwrap().knots().len(), 2);
     }
 

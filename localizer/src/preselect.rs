@@ -86,6 +86,8 @@ pub struct LaneCandidate {
     pub start: usize,
     /// One past the last.
     pub end: usize,
+    /// Its line's marks near the camera are `marks_map[marks.0..marks.1]`.
+    pub marks: (usize, usize),
 }
 
 /// Everything that may be seen. Buffers are reused from frame to frame.
@@ -99,6 +101,8 @@ pub struct Candidates {
     pub lanes: Vec<LaneCandidate>,
     /// Vertices of all lane candidates, map frame, metres.
     pub lane_points_map: Vec<Point3<f64>>,
+    /// Where marks of dashed lines begin and end, map frame, metres.
+    pub marks_map: Vec<[Point3<f64>; 2]>,
     /// The road stretches near the pose, in the order of the map.
     pub roads: Vec<RoadKey>,
 }
@@ -149,6 +153,7 @@ impl Lookup<'_> {
         out.signs.clear();
         out.lanes.clear();
         out.lane_points_map.clear();
+        out.marks_map.clear();
         self.map.roads_near(&position, self.config.max_distance_m + reach.position_m, &mut out.roads)?;
         for i in 0..out.roads.len() {
             let road = out.roads[i];
@@ -244,11 +249,17 @@ impl Lookup<'_> {
     fn cut_lane(&self, index: usize, lane: &common::map::LaneLine, view: &View, reach: &Reach, out: &mut Candidates) {
         let near_m = (self.config.lane_near_m - reach.position_m).max(NEAR_M);
         let far_m = self.config.lane_far_m + reach.position_m;
+        let is_near = |mark: &[Point3<f64>; 2]| {
+            mark.iter().map(|end| view.to_camera(end).z).any(|depth_m| (near_m..far_m).contains(&depth_m))
+        };
+        let first = out.marks_map.len();
+        out.marks_map.extend(lane.marks_map().filter(is_near));
+        let marks = (first, out.marks_map.len());
         let mut start = out.lane_points_map.len();
         let close = |start: &mut usize, out: &mut Candidates| {
             let end = out.lane_points_map.len();
             if end >= *start + 2 {
-                out.lanes.push(LaneCandidate { index, kind: lane.kind, start: *start, end });
+                out.lanes.push(LaneCandidate { index, kind: lane.kind, start: *start, end, marks });
             } else {
                 out.lane_points_map.truncate(*start);
             }
@@ -328,6 +339,7 @@ mod tests {
                     Point3::new(-1.6, 1.6, 50.0),
                 ],
                 road: RoadId(0),
+                marks_m: Vec::new(),
             }],
             ..SemanticMap::default()
         }

@@ -154,7 +154,7 @@ impl World {
                     })
                     .collect();
                 let kind = if right_m < 0.0 && right_m > -3.0 { LaneKind::Dashed } else { LaneKind::Solid };
-                exact.lanes.push(LaneLine { kind, points_map, road: RoadId(road as u32) });
+                exact.lanes.push(LaneLine { kind, points_map, road: RoadId(road as u32), marks_m: Vec::new() });
             }
         }
         let mut s_m = 5.0;
@@ -325,5 +325,5 @@ fn curve(points: &[Point2<f64>], random: &mut Random) -> Option<LaneFeature> {
         upper_is_cut: false,
         lower_is_cut: false,
     };
-    Some(LaneFeature { points_px, line })
+    Some(LaneFeature { points_px, line, edges: Vec::new() })
 }

@@ -150,7 +150,7 @@ fn block(from: (i64, i64), to: (i64, i64), map: &mut SemanticMap, pass: &mut Pcg
         for (start, end) in [(8.0, half), (half, BLOCK_M - 8.0)] {
             if pass.random_range(0.0..1.0) < 0.9 {
                 let points_map = vec![place(start, offset, 1.6), place(end, offset, 1.6)];
-                map.lanes.push(LaneLine { kind, points_map, road: road_at(0.5 * (start + end)) });
+                map.lanes.push(LaneLine { kind, points_map, road: road_at(0.5 * (start + end)), marks_m: Vec::new() });
             }
         }
     }

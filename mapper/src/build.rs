@@ -1,7 +1,7 @@
 //! From a drive to its map.
 
 use common::geometry::Pose;
-use common::map::{LaneKind, LaneLine, Pole, RoadId, SemanticMap, Sign};
+use common::map::{LaneLine, Pole, RoadId, SemanticMap, Sign, marks_along};
 use nalgebra::Point3;
 use rayon::prelude::*;
 
@@ -191,11 +191,7 @@ fn extract(cloud: &Cloud, owned: &std::ops::Range<f64>, map: &SemanticMap, confi
             .filter(|s| owns(&s.centroid))
             .map(|s| Sign { kind: s.kind, centroid_map: s.centroid, size_m: s.size_m, road: road_of(&s.centroid) })
             .collect(),
-        lanes: lanes
-            .iter()
-            .flat_map(|piece| by_road(piece, cloud, owned, map, config))
-            .map(|(road, kind, points_map)| LaneLine { kind, points_map, road })
-            .collect(),
+        lanes: lanes.iter().flat_map(|piece| by_road(piece, cloud, owned, map, config)).collect(),
     }
 }
 
@@ -210,6 +206,10 @@ pub fn find_lanes(cloud: &Cloud, config: &Config) -> Vec<LanePiece> {
     without_doubles(pieces, &config.lanes)
 }
 
+/// How far a mark may lie off its own line, metres: it is on it but for
+/// rounding.
+const ON_LINE_M: f64 = 0.05;
+
 /// Shortest piece worth its vertices, metres.
 const SHORTEST_PIECE_M: f64 = 2.0;
 
@@ -221,7 +221,8 @@ fn by_road(
     owned: &std::ops::Range<f64>,
     map: &SemanticMap,
     config: &Config,
-) -> Vec<(RoadId, LaneKind, Vec<Point3<f64>>)> {
+) -> Vec<LaneLine> {
+    let marks_map = piece.marks_map();
     let mut cuts: Vec<f64> = map
         .roads
         .iter()
@@ -243,7 +244,8 @@ fn by_road(
             let first = points.first()?;
             let centre = if points.len() == 2 { nalgebra::center(first, middle) } else { *middle };
             let road = map.nearest_road(&centre)?;
-            (points.len() >= 2).then_some((road, piece.kind, points))
+            let marks_m = marks_along(&points, &marks_map, ON_LINE_M);
+            (points.len() >= 2).then_some(LaneLine { kind: piece.kind, points_map: points, road, marks_m })
         })
         .collect()
 }

@@ -327,6 +327,7 @@ mod tests {
                 kind: LaneKind::Solid,
                 points_map: vec![Point3::new(1.5, 1.6, 0.0), Point3::new(1.5, 1.6, 100.0)],
                 road: RoadId(0),
+                marks_m: Vec::new(),
             }],
         }
     }

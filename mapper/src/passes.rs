@@ -2,6 +2,7 @@
 //! drive may come back to a place.
 
 use common::map::{LaneLine, Pole, RoadId, SemanticMap, Sign};
+use nalgebra::Point3;
 
 use crate::evidence::PointCovariances;
 use crate::fuse::{FuseConfig, FusedLane, Sighting, fuse_lanes, fuse_poles, fuse_signs, sightings};
@@ -37,14 +38,23 @@ impl Passes {
         map.poles = fuse_poles(&self.poles, config).into_iter().map(|f| f.landmark).collect();
         map.signs = fuse_signs(&self.signs, config).into_iter().map(|f| f.landmark).collect();
         let lanes = fuse_lanes(&self.lanes, config);
-        map.lanes = lanes.iter().flat_map(|line| by_road(line, map, config)).collect();
+        map.lanes = lanes.iter().flat_map(|line| by_road(line, &self.lanes, map, config)).collect();
     }
 }
 
 /// A line that several passes drew, cut where another road is nearer: passes
 /// cut it at places of their own.
-fn by_road(line: &FusedLane, map: &SemanticMap, config: &FuseConfig) -> Vec<LaneLine> {
-    let whole = |road| LaneLine { kind: line.kind, points_map: line.vertices(config), road };
+fn by_road(
+    line: &FusedLane,
+    sightings: &[Sighting<LaneLine>],
+    map: &SemanticMap,
+    config: &FuseConfig,
+) -> Vec<LaneLine> {
+    let piece = |points_map: Vec<Point3<f64>>, road| {
+        let marks_m = line.marks_m(&points_map, sightings, config);
+        LaneLine { kind: line.kind, points_map, road, marks_m }
+    };
+    let whole = |road| piece(line.vertices(config), road);
     if line.sightings.len() < 2 {
         return vec![whole(line.road)];
     }
@@ -64,7 +74,7 @@ fn by_road(line: &FusedLane, map: &SemanticMap, config: &FuseConfig) -> Vec<Lane
     cuts.iter()
         .zip(ends)
         // Pieces share the sample at which they meet: no gap.
-        .map(|(&(from, road), to)| LaneLine { kind: line.kind, points_map: line.part(from..to + 1, config), road })
+        .map(|(&(from, road), to)| piece(line.part(from..to + 1, config), road))
         .filter(|piece| piece.points_map.len() >= 2)
         .collect()
 }
@@ -73,7 +83,7 @@ fn by_road(line: &FusedLane, map: &SemanticMap, config: &FuseConfig) -> Vec<Lane
 mod tests {
     use super::*;
     use common::map::{LaneKind, PoleKind, Road};
-    use nalgebra::{Matrix3, Point3};
+    use nalgebra::Matrix3;
 
     fn two_roads() -> SemanticMap {
         let road = |from: f64, to: f64| Road { path_map: vec![Point3::new(0.0, 0.0, from), Point3::new(0.0, 0.0, to)] };
@@ -85,6 +95,7 @@ mod tests {
             kind: LaneKind::Solid,
             points_map: vec![Point3::new(x, 1.6, from), Point3::new(x, 1.6, to)],
             road: RoadId(road),
+            marks_m: Vec::new(),
         }
     }
 

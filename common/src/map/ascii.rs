@@ -109,6 +109,7 @@ mod tests {
                 kind: LaneKind::Dashed,
                 points_map: vec![Point3::new(-1.8, 1.65, 5.0), Point3::new(-1.8, 1.65, 15.0)],
                 road,
+                marks_m: Vec::new(),
             }],
             ..SemanticMap::default()
         };

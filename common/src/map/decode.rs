@@ -1,8 +1,9 @@
 //! From bytes to a checked map: the only place where a file is trusted.
 
-use super::envelope::{CHECKSUM_BYTES, PREFIX_BYTES, VERSION, open};
+use super::envelope::{CHECKSUM_BYTES, PREFIX_BYTES, WITH_MARKS, open};
 use super::grid::{Grid, GridPoint};
-use super::wire::{Body, ByRoad, Polyline, Step};
+use super::varint::Signed;
+use super::wire::{Body, ByRoad, List, Marks, Polyline, Step};
 use super::{
     EncodeOptions, LaneKind, LaneLine, MapLayout, Pole, PoleKind, Road, RoadId, SectionSize, SemanticMap, Sign,
     SignKind,
@@ -41,7 +42,8 @@ pub fn decode_with_layout(bytes: &[u8]) -> Result<(SemanticMap, MapLayout)> {
 }
 
 fn decode(bytes: &[u8]) -> Result<(SemanticMap, MapLayout)> {
-    let (body, mut sections) = Body::from_bytes(open(bytes)?)?;
+    let (version, body) = open(bytes)?;
+    let (body, mut sections) = Body::from_bytes(body, version == WITH_MARKS)?;
     if let Some(header) = sections.first_mut() {
         header.bytes += PREFIX_BYTES;
     }
@@ -54,7 +56,7 @@ fn decode(bytes: &[u8]) -> Result<(SemanticMap, MapLayout)> {
     // order, other bounds, empty groups, the longer form of a polyline.
     let options = EncodeOptions { quantum_m: grid.quantum_m() };
     if map.encode(&options).is_ok_and(|canonical| canonical == bytes) {
-        Ok((map, MapLayout { version: VERSION, quantum_m: grid.quantum_m(), bounds: None, sections }))
+        Ok((map, MapLayout { version, quantum_m: grid.quantum_m(), bounds: None, sections }))
     } else {
         Err(malformed("it is not in canonical form (order of landmarks, bounds, or form of polylines)".into()))
     }
@@ -96,9 +98,15 @@ fn checked(body: Body, grid: Grid) -> Result<SemanticMap> {
             let points = vertices(before, line, 2, String::new).ok()?;
             let first = points[0];
             let points_map = points.into_iter().map(|point| grid.point_m(point)).collect();
-            map.lanes.push(LaneLine { kind, points_map, road });
+            map.lanes.push(LaneLine { kind, points_map, road, marks_m: Vec::new() });
             Some(first)
         })?;
+    }
+    if let Some(List(marks)) = body.marks {
+        let dashed = map.lanes.iter_mut().filter(|lane| lane.kind == LaneKind::Dashed);
+        for (lane, marks) in dashed.zip(&marks) {
+            lane.marks_m = marks_of_line(marks, grid)?;
+        }
     }
     let road = |path: Vec<GridPoint>| Road { path_map: path.into_iter().map(|point| grid.point_m(point)).collect() };
     map.roads = paths.into_iter().map(road).collect();
@@ -124,6 +132,19 @@ fn each<W>(
         }
     }
     Ok(())
+}
+
+/// Where the marks of a line begin and end.
+fn marks_of_line(marks: &Marks, grid: Grid) -> Result<Vec<[f64; 2]>> {
+    let (mut end, mut gap, mut length) = (0_i64, 0, 0);
+    let mut next = |[gap_change, length_change]: &[Signed; 2]| {
+        (gap, length) = (gap + gap_change.0, length + length_change.0);
+        let from = end + gap;
+        end = from + length;
+        let is_in_range = [gap, length, from, end].iter().all(|&value| i32::try_from(value).is_ok());
+        is_in_range.then(|| [from, end].map(|place| grid.metres(place)))
+    };
+    marks.0.iter().map(&mut next).collect::<Option<_>>().ok_or_else(|| malformed("a mark is out of range".into()))
 }
 
 fn vertices(from: GridPoint, line: &Polyline, least: usize, name: impl Fn() -> String) -> Result<Vec<GridPoint>> {

@@ -1,9 +1,9 @@
 //! From a checked map to bytes.
 
-use super::envelope::seal;
+use super::envelope::{PLAIN, WITH_MARKS, seal};
 use super::grid::{Grid, GridPoint, RoadFrame};
 use super::varint::{Signed, Unsigned};
-use super::wire::{self, Body, ByRoad, Head, List, Polyline, Step};
+use super::wire::{self, Body, ByRoad, Head, List, Marks, Polyline, Step};
 use super::{EncodeOptions, LaneKind, MAX_NOTE_BYTES, PoleKind, RoadId, SemanticMap, SignKind};
 use crate::{Error, Result};
 
@@ -14,10 +14,12 @@ impl SemanticMap {
     /// # Errors
     /// [`Error::MapUnencodable`], naming the item, where a coordinate is not
     /// finite or does not fit, a [`RoadId`] has no road, a pole's top is below
-    /// its foot, a road has no vertex or a lane line fewer than two, the note
-    /// is too long or the quantum is no quantum.
+    /// its foot, a road has no vertex or a lane line fewer than two, marks are
+    /// not in order or not of a dashed line, the note is too long or the quantum
+    /// is no quantum.
     pub fn encode(&self, options: &EncodeOptions) -> Result<Vec<u8>> {
-        seal(&body(self, Grid::from_m(options.quantum_m)?)?.to_bytes()?)
+        let body = body(self, Grid::from_m(options.quantum_m)?)?;
+        seal(if body.marks.is_some() { WITH_MARKS } else { PLAIN }, &body.to_bytes()?)
     }
 }
 
@@ -28,8 +30,8 @@ type GridPole = (GridPoint, u64, [i64; 2]);
 /// The centroid and the size.
 type GridSign = (GridPoint, u64);
 
-/// The vertices.
-type GridLane = Vec<GridPoint>;
+/// The vertices, and where marks begin and end along them.
+type GridLane = (Vec<GridPoint>, Vec<[i64; 2]>);
 
 /// Landmarks on the grid, as they come.
 type Unsorted<K, T> = Vec<(K, RoadId, T)>;
@@ -41,7 +43,9 @@ fn body(map: &SemanticMap, grid: Grid) -> Result<Body> {
     let head = head(map, grid)?;
     let poles = by_kind_and_road(PoleKind::ALL, &poles, &frames, |pole: &GridPole| pole.0)?;
     let signs = by_kind_and_road(SignKind::ALL, &signs, &frames, |sign: &GridSign| sign.0)?;
-    let lanes = by_kind_and_road(LaneKind::ALL, &lanes, &frames, |lane: &GridLane| lane[0])?;
+    let lanes = by_kind_and_road(LaneKind::ALL, &lanes, &frames, |lane: &GridLane| lane.0[0])?;
+    let marks =
+        LaneKind::ALL.iter().position(|kind| *kind == LaneKind::Dashed).and_then(|dashed| marks(&lanes[dashed]));
     let mut end = [0; 3];
     let roads = roads
         .iter()
@@ -70,7 +74,8 @@ fn body(map: &SemanticMap, grid: Grid) -> Result<Body> {
                 (wire::Sign { centroid: step(before, centroid), size: Unsigned(size) }, centroid)
             })
         }),
-        lanes: lanes.map(|groups| steps(groups, &frames, |before, line| (polyline(before, line), line[0]))),
+        lanes: lanes.map(|groups| steps(groups, &frames, |before, (line, _)| (polyline(before, line), line[0]))),
+        marks,
     })
 }
 
@@ -133,9 +138,50 @@ fn lanes(map: &SemanticMap, grid: Grid) -> Result<Unsorted<LaneKind, GridLane>> 
         }
         let points: Result<Vec<_>> =
             lane.points_map.iter().map(|point| grid.point(point, || format!("lane line {index}"))).collect();
-        Ok((lane.kind, lane.road, points?))
+        let is_apart = |pair: &[[f64; 2]]| pair[0][1] <= pair[1][0];
+        let is_ordered = lane.marks_m.iter().all(|[from, to]| from <= to) && lane.marks_m.windows(2).all(is_apart);
+        if !is_ordered || (lane.kind == LaneKind::Solid && !lane.marks_m.is_empty()) {
+            let what = format!("the marks of lane line {index} are not in order, or it is solid; remove them");
+            return Err(unencodable(what));
+        }
+        let marks = grid_marks(&lane.marks_m, grid, || format!("a mark of lane line {index}"))?;
+        Ok((lane.kind, lane.road, (points?, marks)))
     };
     map.lanes.iter().enumerate().map(lane).collect()
+}
+
+/// Marks on the grid: those that touch there are one, and one without length is
+/// none.
+fn grid_marks(marks_m: &[[f64; 2]], grid: Grid, name: impl Fn() -> String) -> Result<Vec<[i64; 2]>> {
+    let mut marks: Vec<[i64; 2]> = Vec::with_capacity(marks_m.len());
+    for [from_m, to_m] in marks_m {
+        let (from, to) = (grid.quanta(*from_m, &name)?, grid.quanta(*to_m, &name)?);
+        match marks.last_mut() {
+            Some(before) if from <= before[1] => before[1] = before[1].max(to),
+            _ if from < to => marks.push([from, to]),
+            _ => {}
+        }
+    }
+    Ok(marks)
+}
+
+/// The marks of the dashed lines up to the last that has some; `None` where
+/// none has.
+fn marks(dashed: &[Vec<GridLane>]) -> Option<List<Marks>> {
+    let mut lines: Vec<Marks> = dashed.iter().flatten().map(|(_, marks)| marks_of_line(marks)).collect();
+    let count = lines.iter().rposition(|line| !line.0.is_empty())? + 1;
+    lines.truncate(count);
+    Some(List(lines))
+}
+
+fn marks_of_line(marks: &[[i64; 2]]) -> Marks {
+    let (mut end, mut gap, mut length) = (0, 0, 0);
+    let mut next = |&[from, to]: &[i64; 2]| {
+        let change = [Signed(from - end - gap), Signed(to - from - length)];
+        (end, gap, length) = (to, from - end, to - from);
+        change
+    };
+    List(marks.iter().map(&mut next).collect())
 }
 
 /// Landmarks by kind, then by road up to the last with some, then in driving

@@ -6,8 +6,11 @@ use crate::{Error, Result};
 /// The first three bytes of every map.
 const MAGIC: &[u8; 3] = b"CSM";
 
-/// Version of the format that this program reads and writes.
-pub(super) const VERSION: u8 = 1;
+/// Version of a file without marks of dashed lines.
+pub(super) const PLAIN: u8 = 1;
+
+/// Version of a file with marks, the newest that this program reads.
+pub(super) const WITH_MARKS: u8 = 2;
 
 /// Bytes before the body: magic, version, length of the file.
 pub(super) const PREFIX_BYTES: usize = 8;
@@ -15,23 +18,23 @@ pub(super) const PREFIX_BYTES: usize = 8;
 /// Bytes after the body: CRC-32C of everything before.
 pub(super) const CHECKSUM_BYTES: usize = 4;
 
-/// The file around a body.
-pub(super) fn seal(body: &[u8]) -> Result<Vec<u8>> {
+/// The file of a version around a body.
+pub(super) fn seal(version: u8, body: &[u8]) -> Result<Vec<u8>> {
     let length = PREFIX_BYTES + body.len() + CHECKSUM_BYTES;
     let length_field = u32::try_from(length).map_err(|_| Error::MapUnencodable {
         what: format!("it would take {length} bytes, and a map file has at most {}; split the drive", u32::MAX),
     })?;
     let mut bytes = Vec::with_capacity(length);
     bytes.extend_from_slice(MAGIC);
-    bytes.push(VERSION);
+    bytes.push(version);
     bytes.extend_from_slice(&length_field.to_le_bytes());
     bytes.extend_from_slice(body);
     bytes.extend_from_slice(&crc32c::crc32c(&bytes).to_le_bytes());
     Ok(bytes)
 }
 
-/// The body of a file whose length and checksum are right.
-pub(super) fn open(bytes: &[u8]) -> Result<&[u8]> {
+/// The version and the body of a file whose length and checksum are right.
+pub(super) fn open(bytes: &[u8]) -> Result<(u8, &[u8])> {
     // What is cut off inside the magic is a short map, not another file.
     let magic_bytes = bytes.len().min(MAGIC.len());
     if bytes.is_empty() || bytes[..magic_bytes] != MAGIC[..magic_bytes] {
@@ -40,8 +43,8 @@ pub(super) fn open(bytes: &[u8]) -> Result<&[u8]> {
     let least = PREFIX_BYTES + CHECKSUM_BYTES;
     let too_short = || Error::MapLength { expected: least, found: bytes.len() };
     let version = *bytes.get(MAGIC.len()).ok_or_else(too_short)?;
-    if version != VERSION {
-        return Err(Error::MapVersion { found: version, supported: VERSION });
+    if !(PLAIN..=WITH_MARKS).contains(&version) {
+        return Err(Error::MapVersion { found: version, supported: WITH_MARKS });
     }
     let length_field: [u8; 4] =
         bytes.get(4..PREFIX_BYTES).and_then(|field| field.try_into().ok()).ok_or_else(too_short)?;
@@ -54,5 +57,5 @@ pub(super) fn open(bytes: &[u8]) -> Result<&[u8]> {
     if expected != found {
         return Err(Error::MapChecksum { expected, found });
     }
-    covered.get(PREFIX_BYTES..).ok_or_else(too_short)
+    covered.get(PREFIX_BYTES..).map(|body| (version, body)).ok_or_else(too_short)
 }

@@ -11,7 +11,8 @@ pub struct MapLayout {
     pub quantum_m: f64,
     /// The box around everything; none for an empty map.
     pub bounds: Option<Bounds>,
-    /// Header, roads, poles per kind, signs per kind, lanes per kind, checksum.
+    /// Header, roads, poles per kind, signs per kind, lanes per kind, marks of
+    /// dashed lines where there are any, checksum.
     pub sections: Vec<SectionSize>,
 }
 

@@ -14,6 +14,7 @@ mod envelope;
 mod file;
 mod grid;
 mod layout;
+mod marks;
 mod model;
 #[cfg(test)]
 mod tests;
@@ -25,6 +26,7 @@ pub use bounds::Bounds;
 pub use decode::{decode_with_layout, layout};
 pub use file::{read, write};
 pub use layout::{MapLayout, SectionSize};
+pub use marks::marks_along;
 pub use model::{LaneKind, LaneLine, Pole, PoleKind, Road, RoadId, SemanticMap, Sign, SignKind};
 
 /// How a map is stored.

@@ -81,6 +81,11 @@ pub struct LaneLine {
     pub points_map: Vec<Point3<f64>>,
     /// The road it is painted on: that of its middle.
     pub road: RoadId,
+    /// Where each mark of a dashed line begins and ends, metres along the
+    /// polyline from its first vertex; ascending, apart. Where a line is cut
+    /// inside a mark, this reaches beyond its end. Empty for a solid line, and
+    /// where nobody knows.
+    pub marks_m: Vec<[f64; 2]>,
 }
 
 /// A stretch of the driven road: the path of the reference camera along it.

@@ -26,6 +26,7 @@ fn example() -> SemanticMap {
             kind: LaneKind::Dashed,
             points_map: (0..4).map(|i| Point3::new(-1.8, 1.65, 5.0 + 10.0 * f64::from(i))).collect(),
             road,
+            marks_m: Vec::new(),
         }],
     }
 }
@@ -41,18 +42,26 @@ fn encode(map: &SemanticMap) -> Vec<u8> {
 
 /// `bytes` with the length and checksum that belong to them.
 fn resealed(bytes: &[u8]) -> Vec<u8> {
-    envelope::seal(&bytes[envelope::PREFIX_BYTES..bytes.len() - envelope::CHECKSUM_BYTES]).unwrap()
+    envelope::seal(bytes[3], &bytes[envelope::PREFIX_BYTES..bytes.len() - envelope::CHECKSUM_BYTES]).unwrap()
 }
 
 fn documented_example() -> Vec<u8> {
-    hex_dump(include_str!("../../FORMAT.md"))
+    hex_dump(include_str!("../../FORMAT.md"), 0)
 }
 
-/// The hex dump on a page that describes a format: what stands before `|` on
-/// the lines of its first block of hex.
-pub(super) fn hex_dump(page: &str) -> Vec<u8> {
+/// The same map with two marks on its dashed line.
+fn example_with_marks() -> SemanticMap {
+    let mut map = example();
+    map.lanes[0].marks_m = vec![[1.2, 4.2], [10.25, 13.24]];
+    map
+}
+
+/// A hex dump on a page that describes a format: what stands before `|` on the
+/// lines of one of its blocks of hex.
+pub(super) fn hex_dump(page: &str, block: usize) -> Vec<u8> {
     page.split("```")
-        .find_map(|block| block.strip_prefix("hex\n"))
+        .filter_map(|block| block.strip_prefix("hex\n"))
+        .nth(block)
         .unwrap()
         .lines()
         .flat_map(|line| line.split('|').next().unwrap_or_default().split_whitespace())
@@ -64,6 +73,30 @@ pub(super) fn hex_dump(page: &str) -> Vec<u8> {
 fn the_bytes_are_those_of_the_format_description() {
     let hex: Vec<String> = encode(&example()).iter().map(|byte| format!("{byte:02x}")).collect();
     assert_eq!(encode(&example()), documented_example(), "{}", hex.join(" "));
+}
+
+#[test]
+fn marks_make_another_version_and_stand_behind_all_lines() {
+    let (plain, bytes) = (encode(&example()), encode(&example_with_marks()));
+    assert_eq!((plain[3], bytes[3]), (1, 2));
+    let documented = hex_dump(include_str!("../../FORMAT.md"), 1);
+    let body = plain.len() - envelope::CHECKSUM_BYTES;
+    assert_eq!(bytes[8..body], plain[8..body], "nothing else changes");
+    let hex: Vec<String> = bytes[body..].iter().map(|byte| format!("{byte:02x}")).collect();
+    assert_eq!(bytes[body..], documented, "{}", hex.join(" "));
+    let mut expected = example_with_marks();
+    expected.poles.reverse();
+    assert_eq!(SemanticMap::decode(&bytes).unwrap(), expected);
+    let empty = [&plain[..body], &[0], &plain[body..]].concat();
+    let error = SemanticMap::decode(&resealed(&[&empty[..3], &[2], &empty[4..]].concat())).unwrap_err();
+    assert!(error.to_string().contains("canonical"), "a section of no marks is left out: {error}");
+}
+
+#[test]
+fn marks_that_touch_on_the_grid_are_one() {
+    let mut map = example();
+    map.lanes[0].marks_m = vec![[1.0, 2.0], [2.003, 3.0], [4.0, 4.002], [5.0, 6.0]];
+    assert_eq!(SemanticMap::decode(&encode(&map)).unwrap().lanes[0].marks_m, [[1.0, 3.0], [5.0, 6.0]]);
 }
 
 #[test]
@@ -123,7 +156,7 @@ fn a_map_of_a_future_version_says_which_one_is_read() {
     let mut bytes = encode(&example());
     bytes[3] = 9;
     let said = SemanticMap::decode(&bytes).unwrap_err().to_string();
-    assert!(said.contains("version 9") && said.contains("reads version 1"), "{said}");
+    assert!(said.contains("version 9") && said.contains("reads versions up to 2"), "{said}");
 }
 
 #[test]
@@ -167,6 +200,9 @@ fn what_cannot_be_stored_is_named() {
     assert!(refuse(|map| map.signs[0].road = RoadId(1)).contains("on road 1 and there are 1 roads"));
     assert!(refuse(|map| map.poles[0].top_map.y = 9.0).contains("foot of pole 0 is above its top"));
     assert!(refuse(|map| map.lanes[0].points_map.truncate(1)).contains("fewer than two"));
+    assert!(refuse(|map| map.lanes[0].marks_m = vec![[4.0, 7.0], [6.0, 9.0]]).contains("marks of lane line 0"));
+    assert!(refuse(|map| map.lanes[0].marks_m = vec![[4.0, f64::NAN]]).contains("marks of lane line 0"));
+    assert!(refuse(|map| map.lanes[0].marks_m = vec![[4.0, 3e9]]).contains("a mark of lane line 0"));
     assert!(refuse(|map| map.roads[0].path_map.clear()).contains("road 0 has no vertex"));
     assert!(refuse(|map| map.frame_note = "x".repeat(65)).contains("65 bytes"));
     assert!(refuse(|map| map.frame_note = "\u{1b}[2J".into()).contains("control"));
@@ -210,7 +246,7 @@ fn street() -> SemanticMap {
             at(from_m + 10.0 * j as f64 + scatter(9 * i + j, 1.0), right_m, 1.65 + 0.02 * scatter(9 * i + j, 2.0))
         };
         let points_map = (0..5).map(vertex).collect();
-        map.lanes.push(LaneLine { kind: LaneKind::ALL[i % 2], points_map, road: road(from_m) });
+        map.lanes.push(LaneLine { kind: LaneKind::ALL[i % 2], points_map, road: road(from_m), marks_m: Vec::new() });
     }
     map
 }
@@ -250,10 +286,16 @@ fn landmarks() -> impl Strategy<Value = SemanticMap> {
         size_m,
         road,
     });
-    let lane = (0..2_usize, path(2), road()).prop_map(|(kind, points_map, road)| LaneLine {
-        kind: LaneKind::ALL[kind],
-        points_map,
-        road,
+    let steps = prop::collection::vec((0.3..9.0_f64, 0.3..9.0_f64), 0..5);
+    let lane = (0..2_usize, path(2), road(), steps).prop_map(|(kind, points_map, road, steps)| {
+        let kind = LaneKind::ALL[kind];
+        let mut end_m = 0.0;
+        let marks = steps.into_iter().map(|(gap_m, mark_m)| {
+            end_m += gap_m + mark_m;
+            [end_m - mark_m, end_m]
+        });
+        let marks_m = if kind == LaneKind::Dashed { marks.collect() } else { Vec::new() };
+        LaneLine { kind, points_map, road, marks_m }
     });
     (
         "[ -~]{0,20}",
@@ -304,7 +346,10 @@ proptest! {
         for a in &map.lanes {
             prop_assert!(back.lanes.iter().any(|b| (a.kind, a.road) == (b.kind, b.road)
                 && a.points_map.len() == b.points_map.len()
-                && a.points_map.iter().zip(&b.points_map).all(|(a, b)| is_near(a, b, quantum_m))));
+                && a.points_map.iter().zip(&b.points_map).all(|(a, b)| is_near(a, b, quantum_m))
+                && a.marks_m.len() == b.marks_m.len()
+                && a.marks_m.iter().flatten().zip(b.marks_m.iter().flatten())
+                    .all(|(a, b)| (a - b).abs() <= 0.5 * quantum_m + 1e-9)));
         }
         prop_assert_eq!(back.encode(&EncodeOptions { quantum_m }).unwrap(), bytes);
     }
@@ -325,8 +370,8 @@ proptest! {
     }
 
     #[test]
-    fn what_is_accepted_is_what_would_be_written(body in prop::collection::vec(any::<u8>(), 0..80)) {
-        let bytes = envelope::seal(&body).unwrap();
+    fn what_is_accepted_is_what_would_be_written(version in 1..=2_u8, body in prop::collection::vec(any::<u8>(), 0..80)) {
+        let bytes = envelope::seal(version, &body).unwrap();
         if let Ok(map) = SemanticMap::decode(&bytes) {
             let quantum_m = layout(&bytes).unwrap().quantum_m;
             prop_assert_eq!(map.encode(&EncodeOptions { quantum_m }).unwrap(), bytes);

@@ -72,6 +72,10 @@ pub(super) struct Sign {
     pub size: Unsigned,
 }
 
+/// The marks of a dashed line: the change of the gap before each, and of its
+/// length, from those of the mark before.
+pub(super) type Marks = List<[Signed; 2]>;
+
 /// The whole body.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Body {
@@ -80,6 +84,9 @@ pub(super) struct Body {
     pub poles: [ByRoad<Pole>; PoleKind::ALL.len()],
     pub signs: [ByRoad<Sign>; SignKind::ALL.len()],
     pub lanes: [ByRoad<Polyline>; LaneKind::ALL.len()],
+    /// Of the dashed lines, up to the last that has some; none in a file that
+    /// has no such section.
+    pub marks: Option<List<Marks>>,
 }
 
 impl Body {
@@ -91,11 +98,12 @@ impl Body {
         self.poles.iter().try_for_each(|poles| append(&mut bytes, poles))?;
         self.signs.iter().try_for_each(|signs| append(&mut bytes, signs))?;
         self.lanes.iter().try_for_each(|lanes| append(&mut bytes, lanes))?;
+        self.marks.iter().try_for_each(|marks| append(&mut bytes, marks))?;
         Ok(bytes)
     }
 
-    /// All sections, and how much each took.
-    pub fn from_bytes(bytes: &[u8]) -> Result<(Self, Vec<SectionSize>)> {
+    /// All sections, the last only where it `has_marks`, and how much each took.
+    pub fn from_bytes(bytes: &[u8], has_marks: bool) -> Result<(Self, Vec<SectionSize>)> {
         let mut reader = SectionReader { rest: bytes, sizes: Vec::new() };
         let head = reader.section("header", |_| 1)?;
         let roads = reader.section("roads", |roads: &List<_>| roads.0.len())?;
@@ -111,11 +119,13 @@ impl Body {
         for (slot, kind) in lanes.iter_mut().zip(LaneKind::ALL) {
             *slot = reader.section(kind.name(), count)?;
         }
+        let of_all = |marks: &List<Marks>| marks.0.iter().map(|line| line.0.len()).sum();
+        let marks = if has_marks { Some(reader.section("marks", of_all)?) } else { None };
         if !reader.rest.is_empty() {
             let what = format!("{} bytes stand after the last section", reader.rest.len());
             return Err(Error::MapMalformed { what });
         }
-        Ok((Self { head, roads, poles, signs, lanes }, reader.sizes))
+        Ok((Self { head, roads, poles, signs, lanes, marks }, reader.sizes))
     }
 }
 

@@ -52,6 +52,12 @@ pub struct DetectionConfig {
     /// Where the far ends of false lane lines lie, as a share of the image
     /// width: all lines on the road run to the vanishing point.
     pub lane_spread_of_width: f64,
+    /// Mean distance of false ends of marks of one kind (near or far) along a
+    /// lane line, metres: a shadow or a patch per dash.
+    pub mark_clutter_m: f64,
+    /// By how much more the ends of marks must speak for one shift along the
+    /// line than for any other, nats: marks are all alike.
+    pub mark_lead: f64,
 }
 
 impl Default for DetectionConfig {
@@ -72,6 +78,8 @@ impl Default for DetectionConfig {
             clutter_share: 0.6,
             pole_spread_rad: 0.15,
             lane_spread_of_width: 0.1,
+            mark_clutter_m: 6.0,
+            mark_lead: 3.0,
         }
     }
 }

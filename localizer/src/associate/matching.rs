@@ -1,6 +1,7 @@
 //! One-to-one matches between features and landmarks at one pose.
 
 mod lanes;
+mod marks;
 mod poles;
 mod signs;
 
@@ -15,6 +16,7 @@ use crate::preselect::Candidates;
 use crate::projection::{ImageSize, View};
 use crate::residual::Observation;
 use lanes::LaneAt;
+use marks::EdgePair;
 use poles::PoleAt;
 
 /// Squared Mahalanobis distance, two degrees of freedom, beyond which a pair
@@ -58,7 +60,7 @@ pub struct Match {
 /// Buffers of the matching, and its result.
 #[derive(Debug, Clone, Default)]
 pub struct Matcher {
-    /// Mutual best pairs, in the order poles, lanes, signs.
+    /// Mutual best pairs, in the order poles, lanes, marks of lanes, signs.
     pub matches: Vec<Match>,
     pairs: Vec<Pair>,
     best_of_feature: Vec<usize>,
@@ -66,6 +68,7 @@ pub struct Matcher {
     poles: Vec<Option<PoleAt>>,
     lanes: Vec<LaneAt>,
     vertices: Vec<LaneVertex>,
+    edge_pairs: Vec<EdgePair>,
 }
 
 /// A pair within the gate.

@@ -50,7 +50,7 @@ impl Part {
         information.fill_upper_triangle_with_lower_triangle();
         let weight = solver.weight(square / observations.len().max(1) as f64);
         let at_map = match found.landmark {
-            LandmarkId::Lane(_) => None,
+            LandmarkId::Lane(_) | LandmarkId::Marks(_) => None,
             LandmarkId::Pole(_) | LandmarkId::Sign(_) => observations.first().map(|o| o.point_map),
         };
         Self { at_map, information: information * weight, gradient: gradient * weight }

@@ -129,7 +129,7 @@ fn lane(right_m: f64, from_m: f64, to_m: f64) -> Candidates {
     let at = |ahead_m: f64| pose() * Point3::new(right_m, 1.6, ahead_m);
     Candidates {
         lane_points_map: vec![at(from_m), at(f64::midpoint(from_m, to_m)), at(to_m)],
-        lanes: vec![LaneCandidate { index: 0, kind: LaneKind::Solid, start: 0, end: 3 }],
+        lanes: vec![LaneCandidate { index: 0, kind: LaneKind::Solid, start: 0, end: 3, marks: (0, 0) }],
         ..Candidates::default()
     }
 }
@@ -157,7 +157,7 @@ fn a_lane_feature_is_compared_where_the_map_has_the_line() {
         view().project(&(pose() * Point3::new(-1.7, 1.6, ahead_m))).unwrap().0
     });
     let points_px: Vec<_> = points_px.collect();
-    let feature = LaneFeature { line: line(points_px[0], points_px[119]), points_px };
+    let feature = LaneFeature { line: line(points_px[0], points_px[119]), points_px, edges: Vec::new() };
     let mut prepared = Prepared::default();
     prepared.fill(&Features { lanes: vec![feature], ..Features::default() });
     let noise = NoiseConfig::default();

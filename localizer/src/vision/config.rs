@@ -12,6 +12,48 @@ pub struct VisionConfig {
     pub signs: SignConfig,
     /// Lane lines.
     pub lanes: LaneConfig,
+    /// Marks of dashed lines.
+    pub marks: MarkConfig,
+}
+
+/// Brightness along a lane line to the ends of its marks.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MarkConfig {
+    /// Length of a line, pixels, of which the direction is taken in which it is
+    /// followed beyond the ends of its mask.
+    pub direction_px: f64,
+    /// Length on the ground before and behind an end over which brightness is
+    /// compared, metres: less than the shortest marks and gaps, of 1 m.
+    pub compare_m: f64,
+    /// Least difference of both sides, grey levels of 255: patches and seams
+    /// of asphalt reach 8.
+    pub least_contrast: f64,
+    /// The same as a share of the line's range of contrasts, from the tenth to
+    /// the ninetieth percentile: worn paint within a mark stays below it.
+    pub least_share: f64,
+    /// Largest contrast of the darker side, as a share of the brighter one's: a
+    /// gap is bare road, and paint in the shade is brighter than that.
+    pub darkest_share: f64,
+    /// Standard deviation of an end along the line, pixels: lens and
+    /// interpolation.
+    pub sigma_px: f64,
+    /// The same on the ground, metres: worn and ragged paint.
+    pub sigma_m: f64,
+}
+
+impl Default for MarkConfig {
+    fn default() -> Self {
+        Self {
+            direction_px: 150.0,
+            compare_m: 0.8,
+            least_contrast: 12.0,
+            least_share: 0.4,
+            darkest_share: 0.5,
+            sigma_px: 0.7,
+            sigma_m: 0.03,
+        }
+    }
 }
 
 /// Regions of the class pole to centre lines.

@@ -42,6 +42,16 @@ impl RgbImage {
         self.data.get(3 * y * self.width..3 * (y + 1) * self.width).unwrap_or_default()
     }
 
+    /// Its brightness: the mean of red, green and green, and blue, as the
+    /// sensor has twice as many green pixels.
+    pub fn grey(&self) -> Plane {
+        let mut plane = Plane::zeros(self.width, self.height());
+        for (grey, rgb) in plane.data_mut().iter_mut().zip(self.data.chunks_exact(3)) {
+            *grey = ((u16::from(rgb[0]) + 2 * u16::from(rgb[1]) + u16::from(rgb[2]) + 2) / 4) as u8;
+        }
+        plane
+    }
+
     /// The three bytes of a pixel, none outside the image.
     pub fn pixel_mut(&mut self, x: usize, y: usize) -> Option<&mut [u8]> {
         if x >= self.width {

@@ -31,13 +31,18 @@ impl Detail {
         Self { quantum_m, lane_tolerance_m: 0.0, road_tolerance_m: 0.0 }
     }
 
-    /// A map with fewer vertices, and what its landmarks are still known to:
+    /// A map with fewer vertices, without the marks of lines that are simplified
+    /// (what they are worth is not predicted), and what its landmarks are still known to:
     /// the coarser grid adds `quantum^2 / 12` to each axis, a simplified line
     /// what its lost vertices lie off it.
     pub fn applied(&self, whole: Known<'_>) -> (SemanticMap, MapEvidence) {
         let road = |road: &Road| Road { path_map: thinned(&road.path_map, self.road_tolerance_m) };
-        let lane =
-            |lane: &LaneLine| LaneLine { points_map: thinned(&lane.points_map, self.lane_tolerance_m), ..lane.clone() };
+        let is_whole = self.lane_tolerance_m <= 0.0;
+        let lane = |lane: &LaneLine| LaneLine {
+            points_map: thinned(&lane.points_map, self.lane_tolerance_m),
+            marks_m: if is_whole { lane.marks_m.clone() } else { Vec::new() },
+            ..*lane
+        };
         let map = SemanticMap {
             roads: whole.map.roads.iter().map(road).collect(),
             lanes: whole.map.lanes.iter().map(lane).collect(),

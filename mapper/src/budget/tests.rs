@@ -26,6 +26,7 @@ fn map() -> SemanticMap {
         kind: LaneKind::Solid,
         points_map: [0.0, 30.0, 100.0].map(|z| Point3::new(x, 1.6, z + 100.0 * f64::from(road))).to_vec(),
         road: RoadId(road),
+        marks_m: Vec::new(),
     };
     let sign = |z: f64, road: u32| Sign {
         kind: SignKind::TrafficSign,

@@ -186,7 +186,12 @@ mod tests {
                 .map(|(kind, z)| Pole { kind, foot_map: at(6.0, z), top_map: at(6.0, z) - Vector3::y() * 3.0, road })
                 .collect(),
             signs: vec![Sign { kind: SignKind::TrafficSign, centroid_map: at(-5.0, 60.0), size_m: 0.8, road }],
-            lanes: vec![LaneLine { kind: LaneKind::Dashed, points_map: vec![at(-2.0, 0.0), at(-2.0, 90.0)], road }],
+            lanes: vec![LaneLine {
+                kind: LaneKind::Dashed,
+                points_map: vec![at(-2.0, 0.0), at(-2.0, 90.0)],
+                road,
+                marks_m: Vec::new(),
+            }],
         }
     }
 

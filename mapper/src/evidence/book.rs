@@ -160,6 +160,7 @@ mod tests {
             kind: LaneKind::Solid,
             points_map: z.map(|z| Point3::new(2.0, 1.6, z)).to_vec(),
             road: RoadId(0),
+            marks_m: Vec::new(),
         };
         let line = |sigma_m| LineEvidence { lateral_sigma_m: sigma_m, vertical_sigma_m: sigma_m, points: 50, scans: 4 };
         let book = EvidenceBook {

@@ -118,7 +118,7 @@ mod tests {
 
     fn line(x: f64) -> LaneLine {
         let points_map = [5.0, 30.0, 50.0].map(|z| Point3::new(x, CAMERA_HEIGHT_M, z)).to_vec();
-        LaneLine { kind: LaneKind::Solid, points_map, road: RoadId(0) }
+        LaneLine { kind: LaneKind::Solid, points_map, road: RoadId(0), marks_m: Vec::new() }
     }
 
     #[test]

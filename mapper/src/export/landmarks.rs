@@ -117,6 +117,7 @@ mod tests {
             kind: LaneKind::Solid,
             points_map: vec![Point3::new(x, 1.6, -30.0), Point3::new(x, 1.8, 50.0)],
             road,
+            marks_m: Vec::new(),
         };
         let sign = |x| Sign { kind: SignKind::TrafficSign, centroid_map: Point3::new(x, -1.0, 3.0), size_m: 0.6, road };
         let map = SemanticMap {

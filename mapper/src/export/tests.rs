@@ -27,6 +27,7 @@ fn map() -> SemanticMap {
             kind: LaneKind::Dashed,
             points_map: vec![point(-1.8, 1.65, 5.0), point(-1.8, 1.65, 15.0), point(-1.7, 1.6, 35.0)],
             road,
+            marks_m: Vec::new(),
         }],
     }
 }

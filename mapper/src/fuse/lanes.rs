@@ -7,7 +7,7 @@
 
 use std::collections::VecDeque;
 
-use common::map::{LaneKind, LaneLine, RoadId};
+use common::map::{LaneKind, LaneLine, RoadId, marks_along};
 use nalgebra::{Point3, Vector3};
 
 use super::strands::{Strand, strands};
@@ -50,6 +50,26 @@ impl FusedLane {
     /// samples within the tolerance.
     pub fn vertices(&self, config: &FuseConfig) -> Vec<Point3<f64>> {
         self.only.clone().unwrap_or_else(|| simplified(&self.samples, config))
+    }
+
+    /// Where the marks that its sightings have begin and end along
+    /// `points_map`, its vertices or those of a part of it, metres.
+    pub fn marks_m(
+        &self,
+        points_map: &[Point3<f64>],
+        sightings: &[Sighting<LaneLine>],
+        config: &FuseConfig,
+    ) -> Vec<[f64; 2]> {
+        if self.kind != LaneKind::Dashed {
+            return Vec::new();
+        }
+        // In the order of the list, once each: a line may come back to a pass.
+        let mut seen = self.sightings.clone();
+        seen.sort_unstable();
+        seen.dedup();
+        let lines = seen.iter().filter_map(|&index| sightings.get(index));
+        let marks_map: Vec<[Point3<f64>; 2]> = lines.flat_map(|line| line.landmark.marks_map()).collect();
+        marks_along(points_map, &marks_map, config.lane_within_m)
     }
 
     /// The vertices of a part of its samples.

@@ -100,6 +100,10 @@ pub struct LaneConfig {
     /// Longest dash, metres: longer paint is a solid line. The longest in use
     /// are 9 m.
     pub longest_dash_m: f64,
+    /// By how much a mark may be longer than the median of its line's, metres:
+    /// machines paint them alike, and what is longer by more are two, with a gap
+    /// that was not seen.
+    pub mark_within_m: f64,
     /// Heights above ground between which walls, fences and hedges are seen,
     /// metres: kerbs are lower.
     pub wall_m: [f64; 2],
@@ -185,6 +189,7 @@ impl Default for LaneConfig {
             longest_unseen_m: 4.0,
             least_seen_share: 0.4,
             longest_dash_m: 9.5,
+            mark_within_m: 0.5,
             wall_m: [0.25, 1.5],
             wall_within_m: 0.45,
             fewest_wall_scans: 6,

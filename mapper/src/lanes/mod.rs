@@ -6,6 +6,7 @@ mod chains;
 mod config;
 mod contrast;
 mod kinds;
+mod marks;
 mod paint;
 mod pairs;
 mod piece;

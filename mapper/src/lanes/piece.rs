@@ -16,6 +16,8 @@ pub struct LanePiece {
     pub stations_m: Vec<f64>,
     /// Root mean square lateral distance of the paint from the line, metres.
     pub spread_m: f64,
+    /// Stations where each mark of a dashed line begins and ends, metres.
+    pub marks_m: Vec<[f64; 2]>,
 }
 
 /// Least distance of a cut from a vertex that is kept, metres.
@@ -43,6 +45,12 @@ impl LanePiece {
         Some(start + (end - start) * ((station_m - start_m) / (end_m - start_m).max(1e-9)))
     }
 
+    /// Where its marks that do not reach beyond its ends begin and end, map
+    /// frame, metres.
+    pub fn marks_map(&self) -> Vec<[Point3<f64>; 2]> {
+        self.marks_m.iter().filter_map(|[from_m, to_m]| Some([self.at(*from_m)?, self.at(*to_m)?])).collect()
+    }
+
     /// Its part between two stations; `None` where that is shorter than
     /// `shortest_m`.
     pub fn part(&self, from_m: f64, to_m: f64, shortest_m: f64) -> Option<Self> {
@@ -51,7 +59,9 @@ impl LanePiece {
         if to_m - from_m < shortest_m {
             return None;
         }
-        let mut part = Self { points_map: vec![self.at(from_m)?], stations_m: vec![from_m], ..*self };
+        let is_in = |mark: &[f64; 2]| (from_m..to_m).contains(&f64::midpoint(mark[0], mark[1]));
+        let marks_m = self.marks_m.iter().copied().filter(is_in).collect();
+        let mut part = Self { points_map: vec![self.at(from_m)?], stations_m: vec![from_m], marks_m, ..*self };
         let is_inner = |station_m: f64| station_m > from_m + VERTEX_APART_M && station_m < to_m - VERTEX_APART_M;
         for (station_m, point) in self.stations_m.iter().zip(&self.points_map).filter(|(s, _)| is_inner(**s)) {
             part.stations_m.push(*station_m);
@@ -111,6 +121,7 @@ mod tests {
             points_map: vec![Point3::new(x.0, 1.6, from_to_m.0), Point3::new(x.1, 1.6, from_to_m.1)],
             stations_m: vec![from_to_m.0, from_to_m.1],
             spread_m: 0.0,
+            marks_m: Vec::new(),
         }
     }
 

@@ -4,6 +4,7 @@ use common::map::LaneKind;
 use nalgebra::{Point2, Point3};
 
 use super::kinds::stretches;
+use super::marks::marks;
 use super::profile::{Bin, local_line, profile, step_m};
 use super::{Chain, LaneConfig, LanePiece, Paint, fitted, simplify};
 use crate::cloud::{Cloud, CloudPoint};
@@ -20,7 +21,11 @@ pub fn describe(chain: &Chain, paint: &Paint, cloud: &Cloud, config: &LaneConfig
     if shares.painted < least || length_m < shortest_m {
         return Vec::new();
     }
-    stretches.into_iter().filter_map(|(kind, range)| piece(kind, &bins[range], cloud, config)).collect()
+    let described = |(kind, range): (LaneKind, std::ops::Range<usize>)| {
+        let marks_m = marks(kind, &bins[range.clone()], shares, paint, config);
+        Some(LanePiece { marks_m, ..piece(kind, &bins[range], cloud, config)? })
+    };
+    stretches.into_iter().filter_map(described).collect()
 }
 
 fn piece(kind: LaneKind, bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> Option<LanePiece> {
@@ -60,7 +65,8 @@ fn piece(kind: LaneKind, bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> Op
     // Between vertices on a bend the chords lie to its inner side: the
     // vertices are moved so that the line runs amid its places.
     let points_map = fitted(&points, &kept);
-    Some(LanePiece { kind, points_map, stations_m: kept.iter().map(|i| points[*i].0).collect(), spread_m })
+    let stations_m = kept.iter().map(|i| points[*i].0).collect();
+    Some(LanePiece { kind, points_map, stations_m, spread_m, marks_m: Vec::new() })
 }
 
 /// Share of the painted bins with paint right beside the line, on its left (0)

@@ -53,7 +53,8 @@ pub fn line_parts(
         for (road, part) in by_road(lane, &run, step_m, rules) {
             let points_map = lane.part(part, &config.fuse);
             if points_map.len() >= 2 && length_m(&points_map) >= config.fuse.shortest_piece_m {
-                parts.push(LaneLine { kind: lane.kind, points_map, road });
+                let marks_m = lane.marks_m(&points_map, sightings, &config.fuse);
+                parts.push(LaneLine { kind: lane.kind, points_map, road, marks_m });
             }
         }
     }

@@ -19,7 +19,7 @@ fn street(seed: u64) -> SemanticMap {
         map.roads.push(Road { path_map: vec![z(0), z(1)] });
         for x in [-1.75, 1.75] {
             let points_map = [z(0), z(1)].map(|p| p + Vector3::new(x, 1.6, 0.0)).to_vec();
-            map.lanes.push(LaneLine { kind: LaneKind::Solid, points_map, road: RoadId(k) });
+            map.lanes.push(LaneLine { kind: LaneKind::Solid, points_map, road: RoadId(k), marks_m: Vec::new() });
         }
         for i in 0..6 {
             let side = if i % 2 == 0 { 6.0 } else { -6.0 };

@@ -4,7 +4,7 @@ use super::*;
 
 fn line(points: &[[f64; 3]]) -> LaneLine {
     let points_map = points.iter().map(|&p| Point3::from(p)).collect();
-    LaneLine { kind: LaneKind::Solid, points_map, road: RoadId(0) }
+    LaneLine { kind: LaneKind::Solid, points_map, road: RoadId(0), marks_m: Vec::new() }
 }
 
 fn good() -> SemanticMap {

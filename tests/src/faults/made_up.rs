@@ -33,6 +33,7 @@ pub fn seen(frame: usize) -> Features {
     let lane = |u_px| LaneFeature {
         points_px: vec![Point2::new(u_px, 200.0), Point2::new(u_px - 90.0, 300.0)],
         line: line(u_px, 100.0),
+        edges: Vec::new(),
     };
     let sign = |u_px| PointFeature {
         kind: SignKind::TrafficSign,

@@ -29,6 +29,7 @@ fn example(ahead_m: f64) -> SemanticMap {
             kind: LaneKind::Dashed,
             points_map: (0..4).map(|i| point(-1.8, 1.65, 5.0 + 10.0 * f64::from(i))).collect(),
             road,
+            marks_m: Vec::new(),
         }],
     }
 }
@@ -49,7 +50,7 @@ fn built(maps: &[SemanticMap], options: AtlasOptions) -> Vec<u8> {
 }
 
 fn documented() -> Vec<u8> {
-    hex_dump(include_str!("../../../ATLAS.md"))
+    hex_dump(include_str!("../../../ATLAS.md"), 0)
 }
 
 /// A file with these bytes, to be opened again and again.

@@ -60,6 +60,7 @@ impl Matcher {
             }
         }
         self.settle(scene.features.lanes.len(), lanes.len());
+        let first = self.matches.len();
         let (ats, vertices) = (std::mem::take(&mut self.lanes), std::mem::take(&mut self.vertices));
         let unseen = self.close(
             look.wanted,
@@ -73,6 +74,7 @@ impl Matcher {
             },
         );
         (self.lanes, self.vertices) = (ats, vertices);
+        self.match_marks(look, first, matched);
         unseen
     }
 }

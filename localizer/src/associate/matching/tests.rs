@@ -1,9 +1,9 @@
 use common::geometry::{PinholeCamera, Pose, PoseParameters, Tangent, retract};
-use common::map::{PoleKind, SemanticMap};
+use common::map::{LaneKind, LaneLine, PoleKind, Road, RoadId, SemanticMap};
 use nalgebra::{Point3, Vector6};
 
 use super::*;
-use crate::features::Features;
+use crate::features::{Features, LaneFeature, LineFeature, MarkEdge};
 use crate::local_map::LocalMap;
 use crate::preselect::{Lookup, PoleCandidate, PreselectConfig, Reach};
 use crate::testing::{IMAGE, Recipe, World};
@@ -110,4 +110,57 @@ fn a_landmark_that_should_be_seen_and_is_not_costs() {
     // Outside the image nothing is expected.
     owned.candidates.poles[0] = pole(40.0);
     assert!(matcher.run(&owned.scene(), &at, &covariance(0.1, 0.003)).abs() < 1e-12);
+}
+
+/// A dashed line 1.8 m to the left of a straight road, marks of 3 m every 6 m,
+/// and what a camera at a pose sees of it, ends of marks from 5 to 20 m ahead.
+fn dashes(camera: &PinholeCamera, at: &Pose) -> (SemanticMap, Features) {
+    let line = LaneLine {
+        kind: LaneKind::Dashed,
+        points_map: vec![Point3::new(-1.8, 1.65, 0.0), Point3::new(-1.8, 1.65, 90.0)],
+        road: RoadId(0),
+        marks_m: (0..15).map(|i| 6.0 * f64::from(i) + 1.0).map(|from_m| [from_m, from_m + 3.0]).collect(),
+    };
+    let view = View::new(camera, at);
+    let seen = |z: f64| view.project(&Point3::new(-1.8, 1.65, z)).filter(|(_, depth_m)| (5.0..20.0).contains(depth_m));
+    let edge = |z: f64, is_near: bool| seen(z).map(|(at_px, _)| MarkEdge { at_px, is_near, sigma_px: 1.0 });
+    let edges = line.marks_m.iter().flat_map(|[from_m, to_m]| [edge(*from_m, true), edge(*to_m, false)]);
+    let points_px: Vec<_> = (0..900).rev().filter_map(|i| seen(f64::from(i) * 0.1)).map(|(at_px, _)| at_px).collect();
+    let straight = LineFeature {
+        upper_px: points_px[0],
+        lower_px: points_px[points_px.len() - 1],
+        offset_sigma_px: 0.7,
+        angle_sigma_rad: 0.003,
+        width_px: 6.0,
+        probability: 0.9,
+        upper_is_cut: false,
+        lower_is_cut: false,
+    };
+    let lane = LaneFeature { points_px, line: straight, edges: edges.flatten().collect() };
+    let road = Road { path_map: vec![Point3::origin(), Point3::new(0.0, 0.0, 90.0)] };
+    let map = SemanticMap { roads: vec![road], lanes: vec![line], ..SemanticMap::default() };
+    (map, Features { lanes: vec![lane], ..Features::default() })
+}
+
+#[test]
+fn marks_tell_how_far_along_the_line_the_camera_is_up_to_a_dash_and_a_gap() {
+    let camera = crate::projection::tests::camera();
+    let truth = Pose::translation(0.0, 0.0, 30.0);
+    let (map, features) = dashes(&camera, &truth);
+    let owned = Owned::new(camera, &map, &truth, &features);
+    let mut matcher = Matcher::default();
+    let marks_at = |matcher: &mut Matcher, ahead_m: f64, sigma_m: f64| {
+        let start = Pose::translation(0.0, 0.0, 30.0 + ahead_m);
+        matcher.find(&owned.scene(), &start, &covariance(sigma_m, 0.005));
+        let found = matcher.matches.iter().find(|found| found.landmark == LandmarkId::Marks(0))?;
+        let view = View::new(&camera, &start);
+        // The map's marks lie nearer than they are seen: lower in the image.
+        let off_px = found.pairing.observations()[0].distance_px(&view)?;
+        Some((found.pairing.observations().len(), off_px))
+    };
+    let (ends, off_px) = marks_at(&mut matcher, 0.3, 0.4).unwrap();
+    assert!(ends >= 4 && off_px < -2.0, "{ends} {off_px}");
+    let (_, off_px) = marks_at(&mut matcher, 0.0, 0.4).unwrap();
+    assert!(off_px.abs() < 1e-6, "{off_px}");
+    assert_eq!(marks_at(&mut matcher, 0.3, 6.0), None, "one dash further on looks the same");
 }

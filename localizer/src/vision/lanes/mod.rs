@@ -3,14 +3,15 @@
 
 mod fit;
 mod join;
+mod marks;
 mod trace;
 
 use nalgebra::Point2;
 
 use super::centre::median;
-use super::config::LaneConfig;
+use super::config::{LaneConfig, MarkConfig};
 use super::regions::{self, Growth};
-use super::{Class, ProbabilityMaps};
+use super::{Class, Plane, ProbabilityMaps};
 use crate::features::{LaneFeature, LineFeature};
 use fit::straight_line;
 use trace::{Track, TrackPoint};
@@ -26,6 +27,15 @@ pub fn extract(maps: &ProbabilityMaps, config: &LaneConfig) -> Vec<LaneFeature> 
     let mut lanes: Vec<LaneFeature> = tracks.iter().filter_map(|track| feature(track, size, config)).collect();
     lanes.sort_by(|a, b| a.line.lower_px.x.total_cmp(&b.line.lower_px.x));
     lanes
+}
+
+/// Reads the ends of the marks along each line from the image; nothing where
+/// the settings do not say where the ground is.
+pub fn read_marks(lanes: &mut [LaneFeature], image: &Plane, config: &LaneConfig, marks: &MarkConfig) {
+    let Some(ground) = &config.ground else { return };
+    for lane in lanes {
+        lane.edges = marks::edges(image, &lane.points_px, ground, marks);
+    }
 }
 
 fn feature(track: &Track, size: (f64, f64), config: &LaneConfig) -> Option<LaneFeature> {
@@ -55,7 +65,7 @@ fn feature(track: &Track, size: (f64, f64), config: &LaneConfig) -> Option<LaneF
         upper_is_cut: near_border(&upper_px),
         lower_is_cut: near_border(&lower_px),
     };
-    is_lane.then_some(LaneFeature { points_px, line })
+    is_lane.then_some(LaneFeature { points_px, line, edges: Vec::new() })
 }
 
 /// One point per row: the mean of those that fall into it.

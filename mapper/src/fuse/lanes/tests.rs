@@ -3,7 +3,7 @@ use super::*;
 fn line(x: f64, from: f64, to: f64, pass: u32) -> Sighting<LaneLine> {
     let points_map = vec![Point3::new(x, 1.6, from), Point3::new(x, 1.6, to)];
     Sighting {
-        landmark: LaneLine { kind: LaneKind::Solid, points_map, road: RoadId(0) },
+        landmark: LaneLine { kind: LaneKind::Solid, points_map, road: RoadId(0), marks_m: Vec::new() },
         pass,
         covariance_map_m2: None,
     }

@@ -1,0 +1,93 @@
+//! Where the marks of a dashed line begin and end.
+
+use common::map::LaneKind;
+
+use super::LaneConfig;
+use super::paint::{Paint, between};
+use super::profile::{Bin, Shares, runs};
+
+/// How far around the bin in which a mark ends its end is sought, metres: two
+/// bins, as a bin that is painted in part may be taken for either.
+const SEARCH_M: f64 = 0.5;
+/// Step in which it is sought, metres: a tenth of what the points of one beam
+/// lie apart along the line.
+const STEP_M: f64 = 0.01;
+/// Least number of road points within the search before and behind an end: with
+/// fewer, it lies anywhere between them.
+const FEWEST_POINTS: usize = 3;
+
+/// The marks along the bins of a dashed line, as stations, metres: each end is
+/// the likeliest border between the share of bright points that paint has and
+/// that of bare road. Where one end was not seen, the mark is as long as most of
+/// its line.
+pub fn marks(kind: LaneKind, bins: &[Bin], shares: Shares, paint: &Paint, config: &LaneConfig) -> Vec<[f64; 2]> {
+    if kind != LaneKind::Dashed {
+        return Vec::new();
+    }
+    let half_bin_m = config.profile_m / 2.0;
+    let (on, off) = ([shares.bare, shares.painted], [shares.painted, shares.bare]);
+    let ends_m = |run: std::ops::Range<usize>| {
+        let (first, last) = (bins.get(run.start)?, bins.get(run.end.checked_sub(1)?)?);
+        let begin_m = border(first, first.station_m - half_bin_m, on, paint, config);
+        Some((begin_m, border(last, last.station_m + half_bin_m, off, paint, config)))
+    };
+    let ends: Vec<(Option<f64>, Option<f64>)> = runs(bins, config).into_iter().filter_map(ends_m).collect();
+    let length_m = |ends: &(Option<f64>, Option<f64>)| Some(ends.1? - ends.0?);
+    let is_dash = |length_m: &f64| (config.shortest_dash_m..config.longest_dash_m).contains(length_m);
+    let mut lengths_m: Vec<f64> = ends.iter().filter_map(length_m).filter(is_dash).collect();
+    lengths_m.sort_by(f64::total_cmp);
+    let Some(&usual_m) = lengths_m.get(lengths_m.len() / 2) else { return Vec::new() };
+    let mark = |ends: (Option<f64>, Option<f64>)| match ends {
+        (Some(begin_m), Some(end_m)) => Some([begin_m, end_m]),
+        (Some(begin_m), None) => Some([begin_m, begin_m + usual_m]),
+        (None, Some(end_m)) => Some([end_m - usual_m, end_m]),
+        (None, None) => None,
+    };
+    // Worn marks are shorter; longer ones are two, with a gap that was not seen.
+    let is_like = |mark: &[f64; 2]| (0.5 * usual_m..usual_m + config.mark_within_m).contains(&(mark[1] - mark[0]));
+    let mut marks: Vec<[f64; 2]> = ends.into_iter().filter_map(mark).filter(is_like).collect();
+    marks.dedup_by(|next, before| next[0] <= before[1]);
+    marks
+}
+
+/// The station around `about_m` at which the share of bright points on a line
+/// most likely changes from the first of `shares` to the second.
+fn border(bin: &Bin, about_m: f64, shares: [f64; 2], paint: &Paint, config: &LaneConfig) -> Option<f64> {
+    let (from_m, to_m) = (about_m - SEARCH_M, about_m + SEARCH_M);
+    let is_on = |offset_m: f64| (offset_m - bin.offset_m).abs() <= config.half_core_m;
+    let road = paint.road.near([from_m, to_m], [bin.offset_m - config.half_core_m, bin.offset_m + config.half_core_m]);
+    // A bright point is among the road's, too: with it the likelihood of a
+    // dark one, which is taken back below.
+    let [dark, bright] = [shares.map(|share| (1.0 - share).ln()), shares.map(|share| (share / (1.0 - share)).ln())];
+    let mut points: Vec<(f64, f64)> = road
+        .filter(|p| is_on(f64::from(p.offset_m)) && (from_m..to_m).contains(&f64::from(p.station_m)))
+        .map(|p| (f64::from(p.station_m), dark[0] - dark[1]))
+        .collect();
+    let count = |points: &[(f64, f64)], is_before: bool| points.iter().filter(|p| (p.0 < about_m) == is_before).count();
+    if count(&points, true) < FEWEST_POINTS || count(&points, false) < FEWEST_POINTS {
+        return None;
+    }
+    let on = between(&paint.bright, from_m, to_m).iter().filter(|p| is_on(p.offset_m));
+    points.extend(on.map(|p| (p.station_m, bright[0] - bright[1])));
+    // By value, too: the order in which points come depends on the scans.
+    points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    // How much likelier all points before a border are under the first share
+    // than under the second; the rest is the same for every border.
+    let steps = (2.0 * SEARCH_M / STEP_M).round() as usize;
+    let (mut best, mut sum_m, mut ties) = (f64::NEG_INFINITY, 0.0, 0.0);
+    let (mut next, mut score) = (0, 0.0);
+    for step in 0..=steps {
+        let station_m = from_m + step as f64 * STEP_M;
+        while let Some(point) = points.get(next).filter(|p| p.0 < station_m) {
+            score += point.1;
+            next += 1;
+        }
+        if score > best + 1e-9 {
+            (best, sum_m, ties) = (score, 0.0, 0.0);
+        }
+        if score > best - 1e-9 {
+            (sum_m, ties) = (sum_m + station_m, ties + 1.0);
+        }
+    }
+    Some(sum_m / ties)
+}

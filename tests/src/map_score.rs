@@ -1,8 +1,8 @@
 //! A map against the truth of a generated drive.
 
 use common::geometry::Pose;
-use common::map::{LaneKind, LaneLine, Pole, PoleKind, SemanticMap, Sign, SignKind};
-use fixtures::truth::{TruePole, Truth};
+use common::map::{LaneKind, LaneLine, Pole, PoleKind, RoadId, SemanticMap, Sign, SignKind};
+use fixtures::truth::{TrueLane, TruePole, Truth};
 use nalgebra::{Matrix3, Point2, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::matching::{above, one_to_one};
@@ -12,6 +12,8 @@ use crate::matching::{above, one_to_one};
 const POLE_WITHIN_M: f64 = 0.5;
 /// Signs and lights, metres: two plates on one post are farther apart.
 const SIGN_WITHIN_M: f64 = 0.4;
+/// How far an end of a mark may be off: half of the shortest marks, metres.
+const MARK_WITHIN_M: f64 = 0.5;
 /// Lane lines, metres: two of a double line are about as far apart.
 const LANE_WITHIN_M: f64 = 0.3;
 /// Distance of the samples of lane lines, metres.
@@ -64,6 +66,8 @@ pub struct MapScore {
     pub lights: Found,
     /// Lane lines by length in metres; `off_m` is across them.
     pub lanes: Found,
+    /// Marks of dashed lines; `off_m` is that of their ends.
+    pub marks: Found,
     /// Share of the found length that the map has as solid or dashed, as it is.
     pub lane_kinds: f64,
     /// True poles that are missing.
@@ -89,6 +93,7 @@ pub fn score(map: &SemanticMap, truth: &Truth, exact: &[Pose], within_m: f64) ->
         *found = signs(&claimed, &wanted, &counts);
     }
     (score.lanes, score.lane_kinds) = lanes(map, truth, &counts);
+    score.marks = marks(map, truth, &counts);
     score
 }
 
@@ -203,6 +208,37 @@ fn signs(claimed: &[&Sign], wanted: &[Point3<f64>], counts: &dyn Fn(&Point3<f64>
     found
 }
 
+/// Marks of dashed lines that are found: both ends where they are.
+fn marks(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool) -> Found {
+    let line = |lane: &TrueLane| LaneLine {
+        kind: LaneKind::Dashed,
+        points_map: lane.points_map_m.iter().map(|p| Point3::from(*p)).collect(),
+        road: RoadId(0),
+        marks_m: lane.marks_m.clone(),
+    };
+    let inside = |mark: &[Point3<f64>; 2]| mark.iter().all(|end| counts(end));
+    let wanted: Vec<[Point3<f64>; 2]> =
+        truth.lanes.iter().flat_map(|lane| line(lane).marks_map().collect::<Vec<_>>()).filter(inside).collect();
+    let claimed: Vec<[Point3<f64>; 2]> = map.lanes.iter().flat_map(LaneLine::marks_map).filter(inside).collect();
+    let apart_m = |a: &[Point3<f64>; 2], b: &[Point3<f64>; 2]| {
+        let both = |p: &Point3<f64>, q: &Point3<f64>| (a[0] - p).norm().max((a[1] - q).norm());
+        both(&b[0], &b[1]).min(both(&b[1], &b[0]))
+    };
+    let nearest_m = |mark: &[Point3<f64>; 2], others: &[[Point3<f64>; 2]]| {
+        others.iter().map(|other| apart_m(mark, other)).fold(f64::INFINITY, f64::min)
+    };
+    let found: Vec<f64> = wanted.iter().map(|mark| nearest_m(mark, &claimed)).filter(|m| *m < MARK_WITHIN_M).collect();
+    let right = claimed.iter().filter(|mark| nearest_m(mark, &wanted) < MARK_WITHIN_M).count();
+    let squares: Vec<f64> = found.iter().map(|off_m| off_m * off_m).collect();
+    Found {
+        wanted: wanted.len() as f64,
+        hits: found.len() as f64,
+        claimed: claimed.len() as f64,
+        right: right as f64,
+        off_m: rms(&squares),
+    }
+}
+
 /// Lane lines found, and the share of their length with the right kind.
 fn lanes(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool) -> (Found, f64) {
     let kind = |lane: &LaneLine| match lane.kind {
@@ -267,8 +303,7 @@ fn distance_m(point: &Point3<f64>, line: &[Point3<f64>]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use common::map::RoadId;
-    use fixtures::truth::{TrueLane, TrueSign};
+    use fixtures::truth::TrueSign;
 
     use super::*;
 
@@ -305,7 +340,7 @@ mod tests {
         SemanticMap {
             // One 3 cm off, one by a trunk, one out of nothing.
             poles: [5.03, 8.1, 2.0].map(|x| pole(x, PoleKind::LampPost)).to_vec(),
-            lanes: vec![LaneLine { kind: LaneKind::Solid, points_map: line, road }],
+            lanes: vec![LaneLine { kind: LaneKind::Solid, points_map: line, road, marks_m: Vec::new() }],
             ..SemanticMap::default()
         }
     }

@@ -54,6 +54,7 @@ fn print(score: &MapScore, arguments: &Arguments) {
     row("signs", &score.signs, "centroids");
     row("lights", &score.lights, "centroids");
     row("lanes", &score.lanes, "across; true: metres");
+    row("marks", &score.marks, "the worse end of each, of dashed lines");
     println!(
         "poles: feet {:.3} m RMS in height, tilt {:.2} degrees RMS",
         score.foot_height_m,

@@ -43,8 +43,7 @@ pub fn marks(kind: LaneKind, bins: &[Bin], shares: Shares, paint: &Paint, config
         (None, Some(end_m)) => Some([end_m - usual_m, end_m]),
         (None, None) => None,
     };
-    // Worn marks are shorter; longer ones are two, with a gap that was not seen.
-    let is_like = |mark: &[f64; 2]| (0.5 * usual_m..usual_m + config.mark_within_m).contains(&(mark[1] - mark[0]));
+    let is_like = |mark: &[f64; 2]| (mark[1] - mark[0] - usual_m).abs() <= config.mark_within_m;
     let mut marks: Vec<[f64; 2]> = ends.into_iter().filter_map(mark).filter(is_like).collect();
     marks.dedup_by(|next, before| next[0] <= before[1]);
     marks

@@ -46,3 +46,60 @@ fn is_back(plate: &Plate, rows: &[Row], all: &[Plate], config: &SignConfig) -> b
         && post_m.len() >= backs.fewest_post_rows
         && stands_out
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix2, Point2, Point3, Vector2};
+
+    use super::*;
+
+    fn row(height: f64, width_m: f64) -> Row {
+        Row {
+            scan: 0,
+            range_m: 12.0,
+            height,
+            above_ground_m: height,
+            view: Vector2::y(),
+            span_m: (-width_m / 2.0, width_m / 2.0),
+            middle: Point2::origin(),
+            scatter: Matrix2::zeros(),
+            hits: Vec::new(),
+            reflectance: 0.4,
+            brightest: 0.4,
+        }
+    }
+
+    /// Whether what is so wide, on a post so wide, passes for the back of a sign.
+    fn is_sign(width_m: f64, post_m: f64) -> bool {
+        let plate = Plate {
+            centroid: Point3::new(0.0, -2.1, 0.0),
+            sigma_m: [0.02; 3],
+            edges: (1.8, 2.4),
+            above_ground_m: 1.8,
+            width_m,
+            size_m: width_m.hypot(0.6),
+            normal: Vector2::y(),
+            thickness_m: 0.01,
+            top_is_open: false,
+            rows: 12,
+            scans: 3,
+            hits: 60,
+            agreement: 1.0,
+            reflectance: 0.4,
+            bright_share: 0.0,
+        };
+        let heights = |from: f64, count: i32| (0..count).map(move |k| from + 0.05 * f64::from(k));
+        let rows: Vec<Row> = heights(0.9, 18)
+            .map(|height| row(height, post_m))
+            .chain(heights(1.81, 12).map(|height| row(height, width_m)))
+            .collect();
+        is_back(&plate, &rows, std::slice::from_ref(&plate), &SignConfig::default())
+    }
+
+    #[test]
+    fn a_thick_mast_is_no_sign_where_it_is_somewhat_wider_and_a_board_on_it_is() {
+        assert!(!is_sign(0.32, 0.22) && is_sign(0.5, 0.22));
+        // On a thin post the same width is a sign.
+        assert!(is_sign(0.32, 0.06));
+    }
+}

@@ -58,7 +58,9 @@ pub(super) struct Axis {
     pub slope: Vector2<f64>,
     /// Mean distance of the hits before the axis, metres: `pi / 4` radii.
     pub before_m: f64,
-    /// Covariance of the slope that the hits alone leave, rad^2.
+    /// The slope that the hits alone tell, whatever else is known.
+    pub slope_of_hits: Vector2<f64>,
+    /// Its covariance, rad^2.
     pub slope_covariance: Matrix2<f64>,
 }
 
@@ -139,6 +141,7 @@ pub(super) fn ransac(hits: &[Hit], inlier_m: f64, plumb: &Plumb, config: &PoleCo
         base: h.at - slope * h.height,
         slope,
         before_m: 0.0,
+        slope_of_hits: slope,
         slope_covariance: Matrix2::identity(),
     };
     let mut best = (f64::NEG_INFINITY, through(hits.first()?, plumb.slope));
@@ -181,6 +184,17 @@ pub(super) fn radius_across(hits: &[Hit], axis: &Axis, config: &PoleConfig) -> f
 /// its width, from their mean: `sqrt(1/3 + 2/3 - (pi/4)^2)`.
 pub(super) const SHELL_SPREAD: f64 = 0.62;
 
+/// Which hits of a laser share its error of range.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shared {
+    /// Those of one scan: the next one says something new. Tells best where the
+    /// surface is.
+    ByScan,
+    /// All, as a laser errs alike in all scans. Tells best how little they know
+    /// of a lean along the view.
+    ByLaser,
+}
+
 /// What the hits of one scan add up to along one coordinate.
 #[derive(Clone, Copy)]
 struct OfScan {
@@ -195,17 +209,17 @@ struct OfScan {
 ///
 /// The pose of each scan errs by a few centimetres, and all its hits with it:
 /// that common shift is integrated out (Woodbury), so that a scan that saw the
-/// lower half and another that saw the upper one make no tilt. Each beam of a
-/// scan errs in its range by about as much, and again all its hits with it:
-/// along the view many hits of one beam say little more than one.
-pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, config: &PoleConfig) -> Axis {
+/// lower half and another that saw the upper one make no tilt. Each laser errs
+/// in its range by about as much, and again all its hits with it: along the view
+/// many hits of one beam say little more than one.
+pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, shared: Shared, config: &PoleConfig) -> Axis {
     let mut axis = start;
     let middle = hits.iter().map(|h| h.height).sum::<f64>() / hits.len() as f64;
     let scans = hits.iter().map(|h| usize::from(h.scan) + 1).max().unwrap_or(0);
     let none = OfScan { weight: 0.0, row: Vector5::zeros(), value: 0.0 };
     let shift = config.pose_noise_m.powi(2);
     let of_beam_m2: Vec<f64> =
-        hits_of_beam(hits, config).into_iter().map(|count| count * config.beam_noise_m.powi(2)).collect();
+        hits_of_beam(hits, shared, config).into_iter().map(|count| count * config.beam_noise_m.powi(2)).collect();
     for _ in 0..8 {
         let radius = radius_across(hits, &axis, config);
         let scale = config.hit_noise_m.powi(2) + (SHELL_SPREAD * radius).powi(2);
@@ -239,7 +253,7 @@ pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, config: &PoleConf
         let prior = config.surface_sigma_m.powi(-2);
         h[(4, 4)] += prior;
         g[4] += prior * radius * FRAC_PI_4;
-        let slope_covariance = covariance_of_slope(h);
+        let (slope_of_hits, slope_covariance) = slope_alone(h, &g);
         // A pole that its hits show to lean is let go of.
         let off = axis.slope - plumb.slope;
         let lean = plumb.lean_rad.powi(2);
@@ -252,8 +266,8 @@ pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, config: &PoleConf
         let s = solver.solve(&g);
         let slope = Vector2::new(s[2], s[3]);
         let before = axis;
-        axis =
-            Axis { base: Vector2::new(s[0], s[1]) - slope * middle, slope, before_m: s[4].max(0.0), slope_covariance };
+        let base = Vector2::new(s[0], s[1]) - slope * middle;
+        axis = Axis { base, slope, before_m: s[4].max(0.0), slope_of_hits, slope_covariance };
         let moved_m = (axis.at(middle) - before.at(middle)).amax().max((axis.before_m - before.before_m).abs());
         if moved_m < SETTLED && (axis.slope - before.slope).amax() < SETTLED {
             break;
@@ -266,21 +280,27 @@ pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, config: &PoleConf
 /// radians: the map is rounded to a thousand times as much and more.
 const SETTLED: f64 = 1e-6;
 
-/// For each hit, how many hits of its scan are of its beam, itself included.
-fn hits_of_beam(hits: &[Hit], config: &PoleConfig) -> Vec<f64> {
-    let beam = |hit: &Hit| (hit.scan, (hit.elevation_rad() / config.beam_step_rad).round() as i64);
+/// For each hit, how many hits share its error of range, itself included.
+fn hits_of_beam(hits: &[Hit], shared: Shared, config: &PoleConfig) -> Vec<f64> {
+    let beam = |hit: &Hit| {
+        let scan = if shared == Shared::ByScan { hit.scan } else { 0 };
+        (scan, (hit.elevation_rad() / config.beam_step_rad).round() as i64)
+    };
     let mut beams: Vec<(u16, i64)> = hits.iter().map(beam).collect();
     beams.sort_unstable();
     let count = |of: (u16, i64)| beams.partition_point(|b| *b <= of) - beams.partition_point(|b| *b < of);
     hits.iter().map(|hit| count(beam(hit)) as f64).collect()
 }
 
-/// Covariance of the slope from the information of all five; no knowledge at
-/// all where it cannot be told.
-fn covariance_of_slope(information: Matrix5<f64>) -> Matrix2<f64> {
+/// The slope and its covariance from the normal equations of all five; no
+/// knowledge at all where it cannot be told.
+fn slope_alone(information: Matrix5<f64>, right: &Vector5<f64>) -> (Vector2<f64>, Matrix2<f64>) {
     // A slope of 1 rad is as good as unknown.
     let whole = (information + Matrix5::from_diagonal(&Vector5::new(0.0, 0.0, 1.0, 1.0, 0.0))).try_inverse();
-    whole.map_or_else(Matrix2::identity, |c| c.fixed_view::<2, 2>(2, 2).into_owned())
+    whole.map_or_else(
+        || (Vector2::zeros(), Matrix2::identity()),
+        |c| ((c * right).fixed_rows::<2>(2).into_owned(), c.fixed_view::<2, 2>(2, 2).into_owned()),
+    )
 }
 
 /// The hits of the slices where it is slimmest: a sign on a post is wider than
@@ -301,9 +321,13 @@ pub(super) fn slim(hits: &[Hit], axis: &Axis, config: &PoleConfig) -> Vec<Hit> {
     let wide: Vec<i64> = widths.iter().filter(|w| w.1 > widest_m).map(|w| w.0).collect();
     let slices_left = widths.len() - wide.len();
     let left: Vec<Hit> = hits.iter().filter(|h| wide.binary_search(&slice(h)).is_err()).copied().collect();
-    let tells = slices_left as f64 * config.slice_m >= config.least_free_m && left.len() >= config.fewest_points;
+    // The plumb line tells the slope of what is short, better than a rail before it.
+    let tells = slices_left >= FEWEST_SLIM && left.len() >= config.fewest_points;
     if tells { left } else { hits.to_vec() }
 }
+
+/// Fewest slices that tell where a post is.
+const FEWEST_SLIM: usize = 2;
 
 /// Fewest hits that tell how wide a slice is.
 const FEWEST_ACROSS: usize = 4;
@@ -362,10 +386,12 @@ mod tests {
             base: Vector2::zeros(),
             slope: Vector2::zeros(),
             before_m: 0.0,
+            slope_of_hits: Vector2::zeros(),
             slope_covariance: Matrix2::identity(),
         };
         let plumb = Plumb { slope: Vector2::zeros(), lean_rad: 0.01 };
-        let lean = |config: &PoleConfig| refine(&short_post(0.03), upright, &plumb, config).slope.norm();
+        let lean =
+            |config: &PoleConfig| refine(&short_post(0.03), upright, &plumb, Shared::ByLaser, config).slope.norm();
         let beams_alike = PoleConfig { beam_noise_m: 0.0, ..PoleConfig::default() };
         let (known, alike) = (lean(&PoleConfig::default()), lean(&beams_alike));
         assert!(known < 0.5 * alike && known < 0.005, "{known} {alike}");

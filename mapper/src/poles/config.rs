@@ -35,6 +35,8 @@ pub struct PoleConfig {
     pub largest_tilt_rad: f64,
     /// Largest root mean square distance of points from the surface, metres.
     pub largest_spread_m: f64,
+    /// The same for what is no wider than the thinnest, metres.
+    pub largest_spread_thin_m: f64,
     /// Noise of a hit across a pole, metres: range noise, beam width and
     /// what is left of the poses' errors.
     pub noise_m: f64,
@@ -45,11 +47,11 @@ pub struct PoleConfig {
     pub inlier_m: f64,
     /// Noise of a hit within its scan, metres: of its range and across its beam.
     pub hit_noise_m: f64,
-    /// Error of the range of one beam in one scan, metres: all its hits on a
-    /// pole share it. The lasers of a lidar differ by 2 to 3 cm.
+    /// Error of the range of one laser, metres: all its hits on a pole share it.
+    /// The lasers of a lidar differ by 3 cm on house fronts, and by somewhat more
+    /// on what is as narrow as their beams.
     pub beam_noise_m: f64,
-    /// Least angle between two beams, radians: hits of a scan within it are of
-    /// one beam.
+    /// Least angle between two beams, radians: hits within it are of one laser.
     pub beam_step_rad: f64,
     /// Noise of a scan's position, metres: all its hits share it.
     pub pose_noise_m: f64,
@@ -110,6 +112,14 @@ pub struct PoleConfig {
     /// Fewest scans that must have hit it: one scan's edge of a passing car
     /// is no pole.
     pub fewest_scans: usize,
+    /// Most scans of a glimpse: so few, with so few points, and of so small a
+    /// share of the scans that are near, may be no more than what is seen of a
+    /// wall through a gap.
+    pub glimpse_scans: usize,
+    /// A glimpse has fewer points than this.
+    pub glimpse_points: usize,
+    /// And is of less than this share of the scans within `farthest_m`.
+    pub glimpse_share: f64,
     /// Least share of a post's length that is free: signs and boxes hang on it.
     pub least_free_share: f64,
     /// The same for what carries sheeting: a post with a sign may stand in a
@@ -120,6 +130,9 @@ pub struct PoleConfig {
     pub least_free_share_thick: f64,
     /// Largest radius of a post, metres.
     pub post_radius_m: f64,
+    /// Largest radius of a slender post, metres: tubes of 60 and 76 mm carry
+    /// signs, and are measured to 2 cm.
+    pub slender_m: f64,
     /// Share of a cylinder of 1 m radius above the upper end that is filled
     /// by the crown of a tree.
     pub crown_share: f64,
@@ -127,9 +140,16 @@ pub struct PoleConfig {
     pub lowest_top_m: f64,
     /// Least free length of a pole that does not reach the ground, metres.
     pub least_free_hanging_m: f64,
-    /// Largest share of a low post's slices in which something reaches from it
+    /// Largest share of a pole's slices in which something reaches from it
     /// outwards: a post of a fence carries its rails.
     pub largest_attached_share: f64,
+    /// The same for what is attached above hedges, and for what stands close
+    /// before something and is no slender post: pipes and jambs are part of their
+    /// wall in every slice that is seen well.
+    pub largest_attached_share_wall: f64,
+    /// Height above which the free part of a pole begins where it stands in a
+    /// hedge, metres above ground: lower bushes end below.
+    pub largest_bush_m: f64,
     /// Largest share of the views that look through where a pole stands, of those
     /// from where every beam would hit it: what most of them look through has moved.
     pub largest_looked_through: f64,
@@ -215,11 +235,12 @@ impl Default for PoleConfig {
             least_free_m: 0.6,
             largest_tilt_rad: 0.175,
             largest_spread_m: 0.085,
+            largest_spread_thin_m: 0.065,
             noise_m: 0.04,
             beam_rad: 0.002,
             inlier_m: 0.2,
             hit_noise_m: 0.02,
-            beam_noise_m: 0.025,
+            beam_noise_m: 0.035,
             beam_step_rad: 0.005,
             pose_noise_m: 0.02,
             usual_tilt_rad: 0.04,
@@ -244,14 +265,20 @@ impl Default for PoleConfig {
             foot_m: 0.6,
             fewest_points: 9,
             fewest_scans: 2,
+            glimpse_scans: 2,
+            glimpse_points: 20,
+            glimpse_share: 0.34,
             least_free_share: 0.35,
             least_free_share_sign: 0.25,
             least_free_share_thick: 0.6,
             post_radius_m: 0.12,
+            slender_m: 0.06,
             crown_share: 0.015,
             lowest_top_m: 0.75,
             least_free_hanging_m: 1.1,
             largest_attached_share: 0.5,
+            largest_attached_share_wall: 0.25,
+            largest_bush_m: 1.0,
             largest_looked_through: 0.5,
             fewest_beams_through: 3,
             hedge_top_m: 2.2,

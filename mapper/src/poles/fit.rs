@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
-use super::axis::{Axis, Hit, Plumb, SHELL_SPREAD, above, lowest_layer_m, radius_across, ransac, refine, slim};
+use super::axis::{Axis, Hit, Plumb, SHELL_SPREAD, Shared, above, lowest_layer_m, radius_across, ransac, refine, slim};
 use super::fences::rail;
 use super::{PoleConfig, Stack};
 use crate::cloud::{Cloud, CloudPoint};
@@ -30,6 +30,8 @@ pub struct FittedPole {
     pub points: usize,
     /// Scans that hit it.
     pub scans: usize,
+    /// Scans from near enough to expect hits on it.
+    pub scans_near: usize,
     /// Points on the free part over those expected were nothing in the way.
     pub visibility: f64,
     /// Whether it was in view from near enough to expect points at all.
@@ -48,7 +50,9 @@ pub struct FittedPole {
     /// Slope of the axis, `(dx, dz)` per metre upwards, as its points and
     /// the plumb line tell it.
     pub slope: Vector2<f64>,
-    /// Covariance of the slope that its points alone leave, rad^2.
+    /// The same as its points alone tell it.
+    pub slope_of_hits: Vector2<f64>,
+    /// The covariance of that, rad^2.
     pub slope_covariance: Matrix2<f64>,
 }
 
@@ -110,7 +114,8 @@ pub fn fit_pole<'a>(
         return None;
     }
     let inlier_m = config.inlier_m.min(stack.reach_m);
-    let axis = refine(&in_run, ransac(&in_run, inlier_m, plumb, config)?, plumb, config);
+    let refined = |hits: &[Hit], start: Axis| refine(hits, start, plumb, Shared::ByScan, config);
+    let axis = refined(&in_run, ransac(&in_run, inlier_m, plumb, config)?);
     // Follow the axis up and down as far as points go on without a gap.
     let beside = |p: &CloudPoint, axis: &Axis| (at(p) - axis.at(-p.position.y)).norm();
     let mut on: Vec<Hit> = near
@@ -128,15 +133,16 @@ pub fn fit_pole<'a>(
     if free.len() < config.fewest_points {
         return None;
     }
-    let axis = refine(&free, axis, plumb, config);
+    let axis = refined(&free, axis);
     let post = slim(&free, &axis, config);
-    let axis = refine(&post, axis, plumb, config);
+    let axis = refined(&post, axis);
     let post = slim(&free, &axis, config);
-    let axis = refine(&post, axis, plumb, config);
+    let axis = refined(&post, axis);
+    let stands = refine(&post, axis, plumb, Shared::ByLaser, config);
     let reach_m = radius_across(&post, &axis, config) + config.gap_to_m.max(config.gap_from_m + config.rail_m);
     let around: Vec<Hit> =
         near.iter().filter(|p| beside(p, &axis) < reach_m + ROUNDING_M).map(|p| Hit::new(p, cloud)).collect();
-    describe(cloud, &Seen { hits: &around, run, free: &free, post: &post }, &axis, config, lidar)
+    describe(cloud, &Seen { hits: &around, run, free: &free, post: &post }, &axis, &stands, config, lidar)
 }
 
 /// Far more than distances that are computed in two ways differ by, metres.
@@ -154,7 +160,16 @@ struct Seen<'a> {
     post: &'a [Hit],
 }
 
-fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar: &LidarConfig) -> Option<FittedPole> {
+/// Describes what is seen of a pole by the axis that fits it best, and how it
+/// stands by the one that knows how lasers err.
+fn describe(
+    cloud: &Cloud,
+    seen: &Seen,
+    axis: &Axis,
+    stands: &Axis,
+    config: &PoleConfig,
+    lidar: &LidarConfig,
+) -> Option<FittedPole> {
     let residuals: f64 = seen.post.iter().map(|h| axis.residual(h).norm_squared()).sum();
     let radius_m = radius_across(seen.post, axis, config);
     let beams = seen.post.iter().map(|h| (config.beam_rad * h.range).powi(2)).sum::<f64>();
@@ -169,7 +184,7 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
     let mut bright: Vec<f32> = seen.run.iter().map(|h| h.reflectance).collect();
     bright.sort_by(|a, b| b.total_cmp(a));
     let point = |height: f64| {
-        let at = axis.at(height);
+        let at = stands.at(height);
         Point3::new(at.x, -height, at.y)
     };
     let (first, last) = (seen.run.first()?, seen.run.last()?);
@@ -180,7 +195,9 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
         foot_height_m = 0.0;
     }
     let ends_m = (first.above_ground, last.above_ground);
-    let view = viewpoints(cloud, axis.at(f64::midpoint(lowest, highest)), config, lidar);
+    let middle = axis.at(f64::midpoint(lowest, highest));
+    let view = viewpoints(cloud, middle, config, lidar);
+    let near = cloud.sensor_map.iter().filter(|s| (Vector2::new(s.x, s.z) - middle).norm() < config.farthest_m).count();
     let width_m = 2.0 * radius_m;
     let expected: f64 = slices
         .iter()
@@ -197,6 +214,7 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
         spread_m: (residuals / seen.post.len() as f64 - explained).max(0.0).sqrt(),
         points: seen.free.len(),
         scans: scans.len(),
+        scans_near: near,
         visibility: hit / expected.max(1.0),
         was_near: expected >= 1.0,
         free_m: slices.len() as f64 * config.slice_m,
@@ -204,8 +222,9 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
         attached_share: attached_share(seen.hits, axis, radius_m, ends_m, config),
         rail: rail(seen.hits, axis, radius_m, ends_m, config),
         reflectance: bright.get(2).copied().unwrap_or(0.0),
-        slope: axis.slope,
-        slope_covariance: axis.slope_covariance,
+        slope: stands.slope,
+        slope_of_hits: stands.slope_of_hits,
+        slope_covariance: stands.slope_covariance,
     })
 }
 

@@ -50,7 +50,7 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
     // How all of them stand tells how a short one does.
     let first = fit(&Plumb::of_map(config));
     let slopes: Vec<_> =
-        first.iter().filter(|(_, is_pole)| *is_pole).map(|(p, _)| (p.slope, p.slope_covariance)).collect();
+        first.iter().filter(|(_, is_pole)| *is_pole).map(|(p, _)| (p.slope_of_hits, p.slope_covariance)).collect();
     let fitted = fit(&Plumb::of_poles(&slopes, config));
     // What is no pole itself may still carry the rail that goes on to others.
     let fenced = in_fences(&fitted.iter().map(|(pole, _)| pole).collect::<Vec<_>>(), config);
@@ -118,19 +118,53 @@ fn is_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {
         config.least_free_share_thick
     };
     let is_short = pole.top_height_m <= config.short_top_m;
+    // What stands amid something is hidden by it, unless it is a part of it.
+    let is_amid = stack.is_before || pole.attached_share > config.largest_attached_share;
     let highest_foot_m = if is_equipment { config.highest_foot_sign_m } else { config.highest_foot_m };
     pole.tilt_rad() <= config.largest_tilt_rad
-        && (is_equipment || !(is_short || stack.is_before) || pole.attached_share <= config.largest_attached_share)
+        && (is_equipment || pole.attached_share <= largest_attached_share(pole, stack, config))
         && (is_equipment || !is_short || pole.radius_m <= config.thickest_short_m)
-        && pole.spread_m <= config.largest_spread_m
+        && pole.spread_m <= largest_spread_m(pole, config)
         && pole.radius_m <= config.thickest_m
         && pole.scans >= config.fewest_scans
+        && (pole.reflectance >= config.least_reflectance || !is_glimpse(pole, config))
         && (pole.was_near || pole.foot_height_m <= 0.0)
         && pole.foot_height_m <= highest_foot_m
-        && pole.visibility >= if stack.is_before { config.least_visibility_before } else { config.least_visibility }
+        && pole.visibility >= if is_amid { config.least_visibility_before } else { config.least_visibility }
         && pole.top_height_m >= config.lowest_top_m
         && pole.free_m >= least_free_m
         && free_share >= least_share
+}
+
+/// In what share of its slices something may reach from it outwards. Boards and
+/// crowns are above the free part of a pole, and a hedge is below it; what is
+/// attached higher than hedges are, or is thicker than a post and stands close
+/// before something, is a pipe, a jamb or a corner of a wall.
+fn largest_attached_share(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> f64 {
+    let is_short = pole.top_height_m <= config.short_top_m;
+    let is_of_wall =
+        if stack.is_before { is_short || pole.radius_m > config.slender_m } else { stack.low_m >= config.hedge_top_m };
+    if is_of_wall {
+        config.largest_attached_share_wall
+    } else if is_short || stack.is_before || stack.low_m < config.largest_bush_m {
+        config.largest_attached_share
+    } else {
+        1.0
+    }
+}
+
+/// How far its points may lie from its surface: those of a wall that is seen
+/// edge-on are as narrow as a post, and reach along the view.
+fn largest_spread_m(pole: &FittedPole, config: &PoleConfig) -> f64 {
+    if pole.radius_m < 1.1 * config.thinnest_m { config.largest_spread_thin_m } else { config.largest_spread_m }
+}
+
+/// Whether only few hits of two scans tell of it, though many were near: what
+/// is seen through a gap between others looks free to both sides.
+fn is_glimpse(pole: &FittedPole, config: &PoleConfig) -> bool {
+    pole.scans <= config.glimpse_scans
+        && pole.points < config.glimpse_points
+        && (pole.scans as f64) < config.glimpse_share * pole.scans_near as f64
 }
 
 /// Whether what stands out before a hedge or a wall is a part of it: it is low,

@@ -254,3 +254,93 @@ fn a_pole_that_one_scan_looks_through_stays() {
     street.add_behind(foot, 1.9, 8);
     assert_eq!(found(street).len(), 1);
 }
+
+/// The face of a wall or a hedge along the road, that all scans see.
+fn add_face(street: &mut Street, x: f64, z: std::ops::Range<f64>, height_m: f64) {
+    let steps = |length_m: f64| (length_m / 0.05) as u32;
+    for (i, k) in (0..steps(z.end - z.start)).flat_map(|i| (0..steps(height_m)).map(move |k| (i, k))) {
+        let p = Point3::new(x, CAMERA_HEIGHT_M - f64::from(k) * 0.05, z.start + f64::from(i) * 0.05);
+        street.add(p, ((7 * i + 3 * k) % 10) as u16, 0.3, None);
+    }
+}
+
+/// A slender pole that stands free, and where it was found.
+fn slender() -> (FittedPole, Stack) {
+    let mut street = Street::new();
+    let foot = Point3::new(5.0, CAMERA_HEIGHT_M, 28.0);
+    post(&mut street, foot, 3.0, 0.03);
+    let pole = found(street).swap_remove(0).1;
+    let stack = Stack::under_reflector(Point2::new(foot.x, foot.z), 2.8, &PoleConfig::default());
+    (pole, stack)
+}
+
+#[test]
+fn what_is_narrow_and_reaches_far_along_the_view_is_a_wall_seen_edge_on() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let is_pole =
+        |radius_m: f64, spread_m: f64| is_pole(&FittedPole { radius_m, spread_m, ..pole.clone() }, &stack, &config);
+    assert!(is_pole(config.thinnest_m, 0.03) && !is_pole(config.thinnest_m, 0.075) && is_pole(0.06, 0.075));
+}
+
+#[test]
+fn a_glimpse_by_two_of_many_scans_makes_no_pole() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let is_pole = |points: usize, scans: usize, scans_near: usize, reflectance: f32| {
+        is_pole(&FittedPole { points, scans, scans_near, reflectance, ..pole.clone() }, &stack, &config)
+    };
+    assert!(!is_pole(12, 2, 12, 0.3));
+    // A short drive, a third scan, more hits, sheeting.
+    assert!(is_pole(12, 2, 3, 0.3) && is_pole(12, 3, 12, 0.3) && is_pole(40, 2, 12, 0.3) && is_pole(12, 2, 12, 0.99));
+}
+
+#[test]
+fn what_is_attached_half_its_length_has_to_be_seen_well_even_with_sheeting() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let is_pole = |attached_share: f64, visibility: f64| {
+        is_pole(&FittedPole { attached_share, visibility, reflectance: 0.99, ..pole.clone() }, &stack, &config)
+    };
+    // The lamp of a parked car, and a delineator in a hedge.
+    assert!(!is_pole(1.0, 0.15) && is_pole(1.0, 0.6) && is_pole(0.2, 0.15));
+}
+
+#[test]
+fn pipes_and_jambs_are_of_their_wall_and_a_mast_in_a_hedge_is_a_pole() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let is_pole = |low_m: f64, is_before: bool, radius_m: f64, attached_share: f64| {
+        let mut stack = stack;
+        (stack.low_m, stack.is_before) = (low_m, is_before);
+        let pole = FittedPole { radius_m, attached_share, visibility: 1.0, ..pole.clone() };
+        is_pole(&pole, &stack, &config)
+    };
+    // Attached higher than hedges are, as high as they are, and hardly.
+    assert!(!is_pole(2.4, false, 0.05, 0.4) && is_pole(1.6, false, 0.05, 0.6) && is_pole(2.4, false, 0.05, 0.1));
+    // Close before a wall: thick, and slender.
+    assert!(!is_pole(0.2, true, 0.1, 0.4) && is_pole(0.2, true, 0.04, 0.4));
+    // Free near the ground, and attached above.
+    assert!(!is_pole(0.2, false, 0.05, 0.6) && is_pole(0.2, false, 0.05, 0.4));
+}
+
+#[test]
+fn a_stem_that_ends_below_the_top_of_hedges_is_of_the_one_behind_it() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let mut street = Street::new();
+    for depth in 0..4 {
+        add_face(&mut street, 5.3 + 0.15 * f64::from(depth), 20.0..36.0, 3.2);
+    }
+    let cloud = street.cloud();
+    let stacks = Stacks::new(&cloud.points, cloud.ground.grid(), &config);
+    let is_of_hedge = |top_height_m: f64, is_before: bool, reflectance: f32| {
+        let mut stack = stack;
+        stack.is_before = is_before;
+        let pole = FittedPole { top_height_m, reflectance, ..pole.clone() };
+        is_of_what_is_behind(&pole, &stack, &stacks, &config)
+    };
+    assert!(is_of_hedge(1.9, true, 0.3));
+    // A post that rises above, one that stands free, one with sheeting.
+    assert!(!is_of_hedge(2.5, true, 0.3) && !is_of_hedge(1.9, false, 0.3) && !is_of_hedge(1.9, true, 0.99));
+}

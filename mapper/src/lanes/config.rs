@@ -75,14 +75,27 @@ pub struct LaneConfig {
     /// Shortest line kept, metres: arrows are shorter, and so are the fords
     /// across side streets.
     pub shortest_m: f64,
-    /// Share of the bins of a line with paint right beside it from which on dashes, or a line with paint on both sides, are
-    /// part of a crossing or of an area.
+    /// Share of the bins of a line with paint right beside it from which on
+    /// dashes, or a line with paint on both sides, are part of a crossing or of
+    /// an area.
     pub largest_striped_share: f64,
     /// The same on both sides, from which on a line beside which something
     /// stands is a ragged strip of grass or kerb.
     pub ragged_share: f64,
     /// Share of such a line beside which something has to stand for that.
     pub ragged_walled_share: f64,
+    /// Where beside a line the next bars of a crossing are, metres: bars and
+    /// their gaps are half a metre wide each.
+    pub across_m: [f64; 2],
+    /// Density of paint there, on both sides, as a share of that on the line,
+    /// from which on what looks like a dash is such a bar: bars fill half of
+    /// it, and of their paint every second point stands out; one neighbour is
+    /// another line, or an arrow.
+    pub largest_across_share: f64,
+    /// Strength of the strongest period among those of block markings, from
+    /// which on a run of paint is such a one, as a share of its points of
+    /// paint: blocks of 0.5 m with gaps of 0.2 m have 0.7, solid lines some 0.2.
+    pub largest_periodic_share: f64,
     /// Fewest dashes of a dashed line: an arrow or a letter is one blot.
     pub fewest_dashes: usize,
     /// Shortest dash, metres, as it looks: the shortest in use are 1 m, those
@@ -183,6 +196,9 @@ impl Default for LaneConfig {
             largest_striped_share: 0.5,
             ragged_share: 0.15,
             ragged_walled_share: 0.1,
+            across_m: [0.35, 1.35],
+            largest_across_share: 0.15,
+            largest_periodic_share: 0.55,
             fewest_dashes: 3,
             shortest_dash_m: 0.9,
             shortest_dashed_m: 18.0,

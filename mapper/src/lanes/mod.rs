@@ -5,6 +5,7 @@
 mod chains;
 mod config;
 mod contrast;
+mod fords;
 mod kinds;
 mod marks;
 mod paint;

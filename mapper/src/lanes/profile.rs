@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::fords::is_ford;
 use super::paint::{Paint, between};
 use super::{Chain, LaneConfig};
 
@@ -20,6 +21,9 @@ pub struct Bin {
     pub core: Share,
     /// The same to the left and to the right of the line.
     pub beside: [Share; 2],
+    /// Points of paint to its left and to its right where the next bars of a
+    /// crossing are.
+    pub across: [f64; 2],
     /// Points of paint on the whole width of the line.
     pub bright: f64,
     /// Mean distance of these to the right of the line, metres.
@@ -99,12 +103,17 @@ pub fn profile(chain: &Chain, paint: &Paint, config: &LaneConfig) -> (Vec<Bin>, 
             fill(bin, paint, half_m, config);
         }
         shares = decide(&mut bins, config);
-        let smooth = smoothed(&bins, config);
+        let smooth = smoothed(&bins, chain, config);
         for (bin, offset_m) in bins.iter_mut().zip(smooth) {
             if let Some(offset_m) = offset_m {
                 bin.off_m += bin.offset_m - offset_m;
                 bin.offset_m = offset_m;
             }
+        }
+    }
+    for run in runs(&bins, config) {
+        if is_ford(&bins[run.clone()], paint, config) {
+            bins[run].iter_mut().for_each(|b| b.painted = false);
         }
     }
     (bins, shares)
@@ -122,6 +131,13 @@ fn fill(bin: &mut Bin, paint: &Paint, half_m: f64, config: &LaneConfig) {
     let mut shares = [Share::default(); 3];
     let bright = between(&paint.bright, from_m, to_m);
     bright.iter().filter_map(|p| part(p.offset_m - offset_m)).for_each(|k| shares[k].bright += 1.0);
+    bin.across = [0.0; 2];
+    let [across_from_m, across_to_m] = config.across_m;
+    for off_m in bright.iter().map(|p| p.offset_m - offset_m) {
+        if (across_from_m..across_to_m).contains(&off_m.abs()) {
+            bin.across[usize::from(off_m > 0.0)] += 1.0;
+        }
+    }
     let strips_end_m = config.half_line_m + 2.0 * config.kerb_within_m;
     let reach_m = far_m.max(strips_end_m);
     let mut strips = [Mean::default(); 4];
@@ -199,6 +215,7 @@ fn decide(bins: &mut [Bin], config: &LaneConfig) -> Shares {
         share = bins.iter().filter(|b| b.painted).fold(Share::default(), |sum, b| sum.plus(b.core)).value();
         shares.painted = share.clamp(f64::max(config.least_bright_share / 2.0, 2.0 * bare).min(0.9), 0.9);
     }
+    forget_bars(bins, config);
     forget_unseen(bins, config);
     // A run that is shorter than a dash, or of a point or two, is no paint.
     for run in runs(bins, config) {
@@ -208,6 +225,36 @@ fn decide(bins: &mut [Bin], config: &LaneConfig) -> Shares {
         }
     }
     Shares { painted: share, bare }
+}
+
+/// Half of the shortest bars of crossings, metres.
+const HALF_BAR_M: f64 = 1.0;
+/// Fewest points of paint on each side of a bar: a few are grains.
+const FEWEST_ACROSS: f64 = 6.0;
+
+/// What has as dense paint on its both sides as the bars of crossings have,
+/// and far denser than where the line itself runs, is one of them.
+fn forget_bars(bins: &mut [Bin], config: &LaneConfig) {
+    let half = (HALF_BAR_M / config.profile_m) as usize;
+    let near = |i: usize| &bins[i.saturating_sub(half)..(i + half + 1).min(bins.len())];
+    let across = |i: usize| {
+        let sides = [0, 1].map(|k| near(i).iter().map(|b| b.across[k]).sum::<f64>());
+        sides[0].min(sides[1])
+    };
+    let painted: Vec<(usize, f64)> = (0..bins.len()).filter(|i| bins[*i].painted).map(|i| (i, across(i))).collect();
+    let mut sorted: Vec<f64> = painted.iter().map(|(_, across)| *across).collect();
+    sorted.sort_by(f64::total_cmp);
+    let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+    let [from_m, to_m] = config.across_m;
+    let is_bar = |(i, across): &(usize, f64)| {
+        let own = near(*i).iter().map(|b| b.bright).sum::<f64>() / (2.0 * config.half_line_m);
+        let density = across / (to_m - from_m);
+        *across >= FEWEST_ACROSS
+            && *across > config.least_share_ratio * usual
+            && density > config.largest_across_share * own
+    };
+    let bars: Vec<usize> = painted.iter().filter(|bar| is_bar(bar)).map(|(i, _)| *i).collect();
+    bars.into_iter().for_each(|i| bins[i].painted = false);
 }
 
 /// Paint that nobody saw: where nothing tells, the likeliest is what was there
@@ -268,17 +315,25 @@ pub fn runs(bins: &[Bin], config: &LaneConfig) -> Vec<Range<usize>> {
 
 /// Offset of the line in each bin: the local line through the painted bins
 /// around it; the window widens over gaps. A wide one has room for the bends of
-/// the line and of the path that it is measured from, so it may bend.
-fn smoothed(bins: &[Bin], config: &LaneConfig) -> Vec<Option<f64>> {
+/// the line and of the path that it is measured from, so it may bend; and where
+/// the path swings too much for one bend, it is the distance from the chain
+/// that is smoothed.
+fn smoothed(bins: &[Bin], chain: &Chain, config: &LaneConfig) -> Vec<Option<f64>> {
     let painted: Vec<(f64, f64)> =
         bins.iter().filter(|b| b.painted && b.bright > 0.0).map(|b| (b.station_m, b.offset_m + b.off_m)).collect();
+    let from_chain: Vec<(f64, f64)> = painted.iter().map(|(s, offset_m)| (*s, offset_m - chain.offset_m(*s))).collect();
     // As much paint as a solid line has within the window; the window widens
     // over gaps until it is found.
     let fewest = (config.smooth_m * 1.5 / config.profile_m) as usize;
     let at = |station_m: f64| {
         let straight = local_line(&painted, station_m, config.smooth_m, fewest);
-        let bent = || [2.0, 4.0, 8.0].iter().find_map(|w| local_bend(&painted, station_m, config.smooth_m * w, fewest));
-        straight.or_else(bent)
+        let bent = |w: &f64| {
+            let (offset_m, spread_m) = local_bend(&painted, station_m, config.smooth_m * w, fewest)?;
+            let (off_m, chain_spread_m) = local_bend(&from_chain, station_m, config.smooth_m * w, fewest)?;
+            let is_simple = spread_m <= 1.25 * chain_spread_m;
+            Some(if is_simple { offset_m } else { chain.offset_m(station_m) + off_m })
+        };
+        straight.or_else(|| [2.0, 4.0, 8.0].iter().find_map(bent))
     };
     bins.iter().map(|b| at(b.station_m)).collect()
 }
@@ -297,18 +352,24 @@ pub fn local_line(samples: &[(f64, f64)], at: f64, half: f64, fewest: usize) -> 
 }
 
 /// The same of the parabola, by least squares with a unit of prior on its slope
-/// and a fifth on its bend, both over the window.
-fn local_bend(samples: &[(f64, f64)], at: f64, half: f64, fewest: usize) -> Option<f64> {
+/// and a fifth on its bend, both over the window; and the root mean square
+/// distance of the samples from it.
+fn local_bend(samples: &[(f64, f64)], at: f64, half: f64, fewest: usize) -> Option<(f64, f64)> {
     let near = within(samples, at, half, fewest)?;
     let mut normal = Matrix3::from_diagonal(&Vector3::new(0.0, 1.0, 0.2));
     let mut right = Vector3::zeros();
-    for (place, value) in near {
+    let powers = |place: f64| {
         let t = (place - at) / half;
-        let powers = Vector3::new(1.0, t, t * t);
+        Vector3::new(1.0, t, t * t)
+    };
+    for (place, value) in near {
+        let powers = powers(*place);
         normal += powers * powers.transpose();
         right += powers * *value;
     }
-    normal.cholesky().map(|known| known.solve(&right).x)
+    let bend = normal.cholesky()?.solve(&right);
+    let squares: f64 = near.iter().map(|(place, value)| (powers(*place).dot(&bend) - value).powi(2)).sum();
+    Some((bend.x, (squares / near.len() as f64).sqrt()))
 }
 
 /// The samples within `half` of `at`, of a list sorted by place; none where
@@ -331,7 +392,7 @@ mod tests {
         let samples: Vec<(f64, f64)> = dashes.map(|s| (s, bend(s))).collect();
         for at in [-20.0, -4.0, 0.0, 7.0, 16.5] {
             let error_m = |value: Option<f64>| (value.unwrap() - bend(at)).abs();
-            assert!(error_m(local_bend(&samples, at, 16.0, 24)) < 0.02, "{at}");
+            assert!(error_m(local_bend(&samples, at, 16.0, 24).map(|bend| bend.0)) < 0.02, "{at}");
             assert!(error_m(local_line(&samples, at, 16.0, 24)) > 0.05, "{at}");
         }
         assert_eq!(local_bend(&samples, 0.0, 16.0, 100), None);

@@ -91,6 +91,41 @@ fn a_line_that_changes_from_solid_to_dashed_is_cut_there_and_has_no_hole() {
 }
 
 #[test]
+fn a_dashed_line_that_swings_beside_the_path_is_found_up_to_its_last_dash() {
+    let mut street = Street::new();
+    let x = |z: f64| 1.75 + 0.15 * (z / 8.0).sin();
+    paint(&mut street, (0.0, 60.0), x, |z| z % 10.0 < 2.0);
+    let pieces = found(street);
+    assert_eq!(pieces.len(), 1, "{pieces:?}");
+    let (start_m, end_m) = (pieces[0].points_map[0].z, pieces[0].points_map.last().unwrap().z);
+    assert!(pieces[0].kind == LaneKind::Dashed && start_m < 1.0 && end_m > 51.0, "{start_m} {end_m}");
+    assert!(pieces[0].points_map.iter().all(|p| (p.x - x(p.z)).abs() < 0.08), "{pieces:?}");
+}
+
+#[test]
+fn the_bars_of_a_crossing_are_no_part_of_the_lines_that_end_before_and_behind_it() {
+    let mut street = Street::new();
+    paint(&mut street, (0.0, 24.0), |_| 1.75, |_| true);
+    paint(&mut street, (36.0, 60.0), |_| 1.75, |_| true);
+    for (bar, side) in (-4..=4).flat_map(|bar| [-0.2, 0.0, 0.2].map(|side| (f64::from(bar), side))) {
+        paint(&mut street, (27.0, 30.0), |_| 1.75 + bar + side, |_| true);
+    }
+    let pieces = found(street);
+    assert_eq!(pieces.len(), 2, "{pieces:?}");
+    let (end_m, start_m) = (pieces[0].points_map.last().unwrap().z, pieces[1].points_map[0].z);
+    assert!(end_m < 24.5 && start_m > 35.5, "{end_m} {start_m}");
+}
+
+#[test]
+fn block_markings_across_a_side_street_are_no_line_and_prolong_none() {
+    let mut street = Street::new();
+    paint(&mut street, (0.0, 60.0), |_| 1.75, |z| z < 24.0 || ((28.0..42.0).contains(&z) && z % 0.9 < 0.5));
+    paint(&mut street, (20.0, 40.0), |_| 5.0, |z| z % 0.7 < 0.4);
+    let pieces = found(street);
+    assert!(pieces.len() == 1 && pieces[0].points_map.iter().all(|p| p.z < 24.5 && p.x < 2.0), "{pieces:?}");
+}
+
+#[test]
 fn the_border_of_a_hatched_area_is_a_line_and_its_stripes_bend_neither_it_nor_the_line_beside_it() {
     let mut street = Street::new();
     paint(&mut street, (0.0, 60.0), |_| 1.75, |_| true);

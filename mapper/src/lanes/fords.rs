@@ -1,0 +1,72 @@
+//! Fords across side streets: block markings, which are painted and bare
+//! several times on the length of one dash.
+
+use super::LaneConfig;
+use super::paint::{Paint, between};
+use super::profile::Bin;
+
+/// Periods of block markings, metres: blocks of 0.3 to 0.6 m, gaps of 0.2 to
+/// 0.6 m.
+const PERIODS_M: [f64; 2] = [0.5, 1.25];
+/// Length of the cells in which paint is told from gaps, metres: half of the
+/// shortest gap.
+const CELL_M: f64 = 0.1;
+/// Share of the cells that have to be seen: rings of one scan lie as far apart
+/// as blocks, and show what is there as if it were blocks.
+const LEAST_SEEN: f64 = 0.7;
+/// Periods that are tried are so much of one apart over the length of a run.
+const STEP: f64 = 0.25;
+/// Longest run that is asked, metres: as wide as a side street with its corners.
+const LONGEST_M: f64 = 30.0;
+
+/// Whether a run of paint consists of blocks: its share of paint, cell by cell,
+/// repeats with a period (Schuster 1898).
+pub fn is_ford(run: &[Bin], paint: &Paint, config: &LaneConfig) -> bool {
+    let length_m = run.len() as f64 * config.profile_m;
+    if !(config.fewest_dashes as f64 * PERIODS_M[1]..LONGEST_M).contains(&length_m) {
+        return false;
+    }
+    let shares = shares(run, paint, config);
+    if (shares.len() as f64) * CELL_M < LEAST_SEEN * length_m {
+        return false;
+    }
+    let sum: f64 = shares.iter().map(|(_, share)| share).sum();
+    let mean = sum / shares.len().max(1) as f64;
+    let strength = |per_m: f64| {
+        let (re, im) = shares.iter().fold((0.0, 0.0), |(re, im), (station_m, share)| {
+            let (sin, cos) = (std::f64::consts::TAU * per_m * station_m).sin_cos();
+            (re + (share - mean) * cos, im + (share - mean) * sin)
+        });
+        2.0 * re.hypot(im)
+    };
+    let [most_per_m, least_per_m] = PERIODS_M.map(f64::recip);
+    (0..)
+        .map(|k| most_per_m - f64::from(k) * STEP / length_m)
+        .take_while(|per_m| *per_m >= least_per_m)
+        .any(|per_m| strength(per_m) > config.largest_periodic_share * sum)
+}
+
+/// Share of paint among the road points on the core of a run, in the cells of
+/// its length that were seen: station, metres, and share.
+fn shares(run: &[Bin], paint: &Paint, config: &LaneConfig) -> Vec<(f64, f64)> {
+    let Some(start_m) = run.first().map(|bin| bin.station_m - config.profile_m / 2.0) else { return Vec::new() };
+    let mut cells = vec![(0.0, 0.0); (run.len() as f64 * config.profile_m / CELL_M).ceil() as usize + 1];
+    let cell = |station_m: f64| ((station_m - start_m) / CELL_M).max(0.0) as usize;
+    for bin in run {
+        let (from_m, to_m) = (bin.station_m - config.profile_m / 2.0, bin.station_m + config.profile_m / 2.0);
+        let is_core = |offset_m: f64| (offset_m - bin.offset_m).abs() <= config.half_core_m;
+        for p in between(&paint.bright, from_m, to_m).iter().filter(|p| is_core(p.offset_m)) {
+            cells.iter_mut().skip(cell(p.station_m)).take(1).for_each(|c| c.0 += 1.0);
+        }
+        for p in paint.road.near([from_m, to_m], [bin.offset_m - config.half_core_m, bin.offset_m + config.half_core_m])
+        {
+            let station_m = f64::from(p.station_m);
+            if (from_m..to_m).contains(&station_m) && is_core(f64::from(p.offset_m)) {
+                cells.iter_mut().skip(cell(station_m)).take(1).for_each(|c| c.1 += 1.0);
+            }
+        }
+    }
+    let middle_m = |i: usize| start_m + (i as f64 + 0.5) * CELL_M;
+    let seen = cells.iter().enumerate().filter(|(_, (_, road))| *road > 0.0);
+    seen.map(|(i, (bright, road))| (middle_m(i), f64::min(bright / road, 1.0))).collect()
+}

@@ -3,14 +3,13 @@
 use common::geometry::Pose;
 use common::map::{LaneLine, Pole, RoadId, SemanticMap, Sign, marks_along};
 use nalgebra::Point3;
-use rayon::prelude::*;
 
 use crate::cloud::{Cloud, without_standing};
 use crate::config::Config;
 use crate::drive::Drive;
 use crate::error::{Error, Result};
 use crate::evidence::EvidenceBook;
-use crate::lanes::{LanePiece, Paint, describe, find_lines, join, without_doubles};
+use crate::lanes::{LanePiece, Paint, find_side_lines, lines_along};
 use crate::passes::Passes;
 use crate::poles::{FittedPole, find_poles};
 use crate::register::{Registration, refine};
@@ -171,15 +170,25 @@ fn reach(poses: &[Pose], frame: usize, step: isize, distance_m: f64) -> usize {
 fn extract(cloud: &Cloud, owned: &std::ops::Range<f64>, map: &SemanticMap, config: &Config) -> Found {
     let road_of = |p: &Point3<f64>| map.nearest_road(p).unwrap_or(RoadId(0));
     let owns = |p: &Point3<f64>| owned.contains(&cloud.place(p).station_m);
-    let ((poles, signs), lanes) = rayon::join(
+    let ((poles, signs), (lanes, side_lanes)) = rayon::join(
         || {
             // Signs hang on posts.
             let poles = find_poles(cloud, &config.poles, &config.lidar);
             let signs = find_signs(cloud, &poles, &config.signs, &config.lidar);
             (poles, signs)
         },
-        || find_lanes(cloud, config),
+        || {
+            let lanes = find_lanes(cloud, config);
+            let side_lanes = find_side_lines(cloud, &lanes, &config.lanes);
+            (lanes, side_lanes)
+        },
     );
+    let side_lane = |piece: LanePiece| {
+        let middle = nalgebra::center(piece.points_map.first()?, piece.points_map.last()?);
+        let marks_m = marks_along(&piece.points_map, &piece.marks_map(), ON_LINE_M);
+        let LanePiece { kind, points_map, .. } = piece;
+        owns(&middle).then(|| LaneLine { kind, points_map, road: road_of(&middle), marks_m })
+    };
     Found {
         poles: poles
             .into_iter()
@@ -191,19 +200,17 @@ fn extract(cloud: &Cloud, owned: &std::ops::Range<f64>, map: &SemanticMap, confi
             .filter(|s| owns(&s.centroid))
             .map(|s| Sign { kind: s.kind, centroid_map: s.centroid, size_m: s.size_m, road: road_of(&s.centroid) })
             .collect(),
-        lanes: lanes.iter().flat_map(|piece| by_road(piece, cloud, owned, map, config)).collect(),
+        lanes: lanes
+            .iter()
+            .flat_map(|piece| by_road(piece, cloud, owned, map, config))
+            .chain(side_lanes.into_iter().filter_map(side_lane))
+            .collect(),
     }
 }
 
-/// The lane lines of a stitched cloud.
+/// The lane lines along the path of a stitched cloud.
 pub fn find_lanes(cloud: &Cloud, config: &Config) -> Vec<LanePiece> {
-    let paint = Paint::of(cloud, &config.lanes);
-    let (from, to) = (cloud.path.start_station_m(), cloud.path.end_station_m());
-    let windows = find_lines(&paint, from, to, &config.lanes);
-    let chains = join(&windows, &config.lanes);
-    let pieces: Vec<Vec<LanePiece>> =
-        chains.par_iter().map(|chain| describe(chain, &paint, cloud, &config.lanes)).collect();
-    without_doubles(pieces, &config.lanes)
+    lines_along(&cloud.path, &Paint::of(cloud, &config.lanes), cloud, &config.lanes)
 }
 
 /// How far a mark may lie off its own line, metres: it is on it but for

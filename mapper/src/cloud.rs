@@ -1,5 +1,7 @@
 //! The stitched cloud of one stretch of road.
 
+use std::ops::Range;
+
 use common::geometry::Pose;
 use nalgebra::{Point2, Point3};
 use rayon::prelude::*;
@@ -244,6 +246,19 @@ impl Cloud {
         self.lying.near(at, 1, self.ground.grid()).map(move |i| &self.points[i])
     }
 
+    /// The same of the cells of the rectangle around some places of map (x, z).
+    pub fn ground_around(&self, places: impl IntoIterator<Item = Point2<f64>>) -> impl Iterator<Item = &CloudPoint> {
+        let grid = self.ground.grid();
+        let cell = |m: f64, low_m: f64| ((m - low_m) / grid.cell_m).max(0.0) as usize;
+        let (mut columns, mut rows) = (usize::MAX..0, usize::MAX..0);
+        for place in places {
+            let (x, z) = (cell(place.x, grid.origin.x), cell(place.y, grid.origin.y));
+            columns = columns.start.min(x)..columns.end.max(x + 1).min(grid.width);
+            rows = rows.start.min(z)..rows.end.max(z + 1).min(grid.height);
+        }
+        self.lying.within(columns, rows, grid).map(move |i| &self.points[i])
+    }
+
     /// Where a point lies beside the path.
     pub fn place(&self, p: &Point3<f64>) -> PathPlace {
         let at = Point2::new(p.x, p.z);
@@ -308,13 +323,22 @@ impl ByCell {
     /// (x, z), row by row; `grid` is that of [`Self::new`].
     pub fn near<'a>(&'a self, at: &Point2<f64>, cells: usize, grid: &'a Grid) -> impl Iterator<Item = usize> {
         let span = move |c: usize, n: usize| c.saturating_sub(cells)..(c + cells + 1).min(n);
-        grid.cell(at).into_iter().flat_map(move |(x, z)| {
-            span(z, grid.height).flat_map(move |z| {
-                span(x, grid.width).flat_map(move |x| {
-                    let cell = z * grid.width + x;
-                    let range = self.starts[cell] as usize..self.starts[cell + 1] as usize;
-                    self.points[range].iter().map(|i| *i as usize)
-                })
+        let around = grid.cell(at).map(|(x, z)| self.within(span(x, grid.width), span(z, grid.height), grid));
+        around.into_iter().flatten()
+    }
+
+    /// Indices of the points in columns and rows of the grid, row by row.
+    fn within<'a>(
+        &'a self,
+        columns: Range<usize>,
+        rows: Range<usize>,
+        grid: &'a Grid,
+    ) -> impl Iterator<Item = usize> + 'a {
+        rows.flat_map(move |z| {
+            columns.clone().flat_map(move |x| {
+                let cell = z * grid.width + x;
+                let range = self.starts[cell] as usize..self.starts[cell + 1] as usize;
+                self.points[range].iter().map(|i| *i as usize)
             })
         })
     }

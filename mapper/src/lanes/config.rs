@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::ContrastConfig;
+use super::{ContrastConfig, SideConfig};
 
 /// How lane lines are found and described.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -161,6 +161,8 @@ pub struct LaneConfig {
     pub height_tolerance_m: f64,
     /// Half length over which the line is smoothed, metres.
     pub smooth_m: f64,
+    /// Lines of side streets.
+    pub side: SideConfig,
 }
 
 impl Default for LaneConfig {
@@ -222,6 +224,7 @@ impl Default for LaneConfig {
             tolerance_m: 0.03,
             height_tolerance_m: 0.06,
             smooth_m: 4.0,
+            side: SideConfig::default(),
         }
     }
 }

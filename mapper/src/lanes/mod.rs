@@ -13,16 +13,18 @@ mod pairs;
 mod piece;
 mod polyline;
 mod profile;
+mod side_streets;
 mod simplify;
 #[cfg(test)]
 mod tests;
 mod windows;
 
-pub use chains::{Chain, join};
+pub use chains::Chain;
 pub use config::LaneConfig;
 pub use contrast::{ContrastConfig, Contrasts};
 pub use paint::{Paint, PathPoint};
-pub use piece::{LanePiece, without_doubles};
-pub use polyline::describe;
+pub use piece::LanePiece;
+pub use polyline::lines_along;
+pub use side_streets::{SideConfig, find_side_lines};
 pub use simplify::{fitted, simplify};
-pub use windows::{WindowLine, find_lines};
+pub use windows::WindowLine;

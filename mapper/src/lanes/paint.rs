@@ -2,11 +2,12 @@
 
 use rayon::prelude::*;
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 
 use super::LaneConfig;
 use crate::cloud::{Cloud, CloudPoint};
 use crate::grid::Grid;
+use crate::path::Path;
 
 /// A ground point by its place beside the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -109,36 +110,56 @@ impl Paint {
                 contrast,
             })
         };
-        let parts: Vec<(Vec<PathPoint>, Vec<RoadPoint>)> = cloud
-            .points
-            .par_chunks(PART)
-            .map(|part| {
-                let mut bright = Vec::new();
-                let mut road = Vec::new();
-                for p in part.iter().filter_map(place) {
-                    let (station_m, offset_m) = (p.station_m as f32, p.offset_m as f32);
-                    road.push(RoadPoint { station_m, offset_m, height_m: p.height_m });
-                    if p.contrast >= config.least_contrast {
-                        bright.push(p);
-                    }
-                }
-                (bright, road)
-            })
-            .collect();
+        let split = |part: &[CloudPoint]| split(part.iter().filter_map(place), config);
+        Self::new(cloud.points.par_chunks(PART).map(split).collect(), &cloud.path, config)
+    }
+
+    /// The paint beside a straight path of another direction, as far as it goes.
+    pub fn beside(cloud: &Cloud, path: &Path, config: &LaneConfig) -> Self {
+        let ends_m = path.start_station_m()..path.end_station_m();
+        let (start, direction) = path.at(ends_m.start);
+        let place = |p: &CloudPoint| {
+            let contrast = p.contrast.filter(|_| is_road(p, config))?;
+            let from_start = Vector2::new(p.position.x - start.x, p.position.z - start.z);
+            let station_m = ends_m.start + from_start.dot(&direction);
+            let offset_m = from_start.perp(&direction);
+            let height_m = -p.position.y as f32;
+            let is_beside = ends_m.contains(&station_m) && offset_m.abs() < config.half_width_m;
+            is_beside.then_some(PathPoint { station_m, offset_m, height_m, contrast })
+        };
+        let corners = [ends_m.start, ends_m.end]
+            .map(|station_m| [-config.half_width_m, config.half_width_m].map(|side_m| path.beside(station_m, side_m)));
+        let corners = corners.as_flattened().iter().map(|p| Point2::new(p.x, p.z));
+        Self::new(vec![split(cloud.ground_around(corners).filter_map(place), config)], path, config)
+    }
+
+    fn new(parts: Vec<(Vec<PathPoint>, Vec<RoadPoint>)>, path: &Path, config: &LaneConfig) -> Self {
         let (bright, road): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
         let mut bright = bright.concat();
         // Stable: points of one station keep the order of the scans.
         bright.sort_by(|a, b| a.station_m.total_cmp(&b.station_m));
-        let stations_m = (cloud.path.start_station_m(), cloud.path.end_station_m() + CELL_M);
+        let stations_m = (path.start_station_m(), path.end_station_m() + CELL_M);
         Self { bright, road: RoadPoints::new(&road, stations_m, config) }
     }
+}
+
+/// The paint among placed points, and all of them.
+fn split(places: impl Iterator<Item = PathPoint>, config: &LaneConfig) -> (Vec<PathPoint>, Vec<RoadPoint>) {
+    let (mut bright, mut road) = (Vec::new(), Vec::new());
+    for p in places {
+        road.push(RoadPoint { station_m: p.station_m as f32, offset_m: p.offset_m as f32, height_m: p.height_m });
+        if p.contrast >= config.least_contrast {
+            bright.push(p);
+        }
+    }
+    (bright, road)
 }
 
 /// Points of the cloud that are placed at a time.
 const PART: usize = 1 << 14;
 
 /// Whether a point lies on the ground and near enough for paint to be seen.
-fn is_road(p: &CloudPoint, config: &LaneConfig) -> bool {
+pub(super) fn is_road(p: &CloudPoint, config: &LaneConfig) -> bool {
     f64::from(p.height_m.abs()) < config.thickness_m && f64::from(p.range_m) < config.contrast.farthest_m
 }
 

@@ -1,7 +1,7 @@
 //! Pieces of lane lines, and what is left of those that describe one twice.
 
 use common::map::LaneKind;
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector2};
 
 use super::LaneConfig;
 
@@ -18,6 +18,10 @@ pub struct LanePiece {
     pub spread_m: f64,
     /// Stations where each mark of a dashed line begins and ends, metres.
     pub marks_m: Vec<[f64; 2]>,
+    /// Mean contrast of its paint, standard deviations.
+    pub contrast: f64,
+    /// Share of its length on which paint was seen.
+    pub painted_share: f64,
 }
 
 /// Least distance of a cut from a vertex that is kept, metres.
@@ -49,6 +53,17 @@ impl LanePiece {
     /// frame, metres.
     pub fn marks_map(&self) -> Vec<[Point3<f64>; 2]> {
         self.marks_m.iter().filter_map(|[from_m, to_m]| Some([self.at(*from_m)?, self.at(*to_m)?])).collect()
+    }
+
+    /// Distance of a point from it on the ground plane, metres.
+    pub fn distance_m(&self, p: &Point3<f64>) -> f64 {
+        let from_side = |ends: &[Point3<f64>]| {
+            let [a, b] = [ends[0], ends[1]].map(|end| Vector2::new(end.x - p.x, end.z - p.z));
+            let way = b - a;
+            let share = (-a.dot(&way) / way.norm_squared().max(1e-12)).clamp(0.0, 1.0);
+            (a + way * share).norm()
+        };
+        self.points_map.windows(2).map(from_side).fold(f64::INFINITY, f64::min)
     }
 
     /// Its part between two stations; `None` where that is shorter than
@@ -122,6 +137,8 @@ mod tests {
             stations_m: vec![from_to_m.0, from_to_m.1],
             spread_m: 0.0,
             marks_m: Vec::new(),
+            contrast: 6.0,
+            painted_share: 1.0,
         }
     }
 

@@ -2,16 +2,29 @@
 
 use common::map::LaneKind;
 use nalgebra::{Point2, Point3};
+use rayon::prelude::*;
 
+use super::chains::join;
 use super::kinds::stretches;
 use super::marks::marks;
+use super::piece::without_doubles;
 use super::profile::{Bin, local_line, profile, step_m};
+use super::windows::find_lines;
 use super::{Chain, LaneConfig, LanePiece, Paint, fitted, simplify};
 use crate::cloud::{Cloud, CloudPoint};
+use crate::path::Path;
+
+/// The lane lines along a path, whose stations are those of the paint.
+pub fn lines_along(path: &Path, paint: &Paint, cloud: &Cloud, config: &LaneConfig) -> Vec<LanePiece> {
+    let windows = find_lines(paint, path.start_station_m(), path.end_station_m(), config);
+    let chains = join(&windows, config);
+    let pieces = chains.par_iter().map(|chain| describe(chain, paint, path, cloud, config)).collect();
+    without_doubles(pieces, config)
+}
 
 /// Finds what is painted along a chain, cuts it where that changes and at
 /// long gaps, and describes it as polylines.
-pub fn describe(chain: &Chain, paint: &Paint, cloud: &Cloud, config: &LaneConfig) -> Vec<LanePiece> {
+fn describe(chain: &Chain, paint: &Paint, path: &Path, cloud: &Cloud, config: &LaneConfig) -> Vec<LanePiece> {
     let (bins, shares) = profile(chain, paint, config);
     let stretches = stretches(&bins, config);
     let length_m: f64 = stretches.iter().map(|(_, range)| range.len() as f64 * config.profile_m).sum();
@@ -23,12 +36,12 @@ pub fn describe(chain: &Chain, paint: &Paint, cloud: &Cloud, config: &LaneConfig
     }
     let described = |(kind, range): (LaneKind, std::ops::Range<usize>)| {
         let marks_m = marks(kind, &bins[range.clone()], shares, paint, config);
-        Some(LanePiece { marks_m, ..piece(kind, &bins[range], cloud, config)? })
+        Some(LanePiece { marks_m, ..piece(kind, &bins[range], path, cloud, config)? })
     };
     stretches.into_iter().filter_map(described).collect()
 }
 
-fn piece(kind: LaneKind, bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> Option<LanePiece> {
+fn piece(kind: LaneKind, bins: &[Bin], path: &Path, cloud: &Cloud, config: &LaneConfig) -> Option<LanePiece> {
     let painted: Vec<&Bin> = bins.iter().filter(|b| b.painted && b.bright > 0.0).collect();
     let mean = |of: &dyn Fn(&Bin) -> f64| painted.iter().map(|b| of(b)).sum::<f64>() / painted.len().max(1) as f64;
     let spread_m = mean(&|b| b.off_m * b.off_m).sqrt();
@@ -51,10 +64,10 @@ fn piece(kind: LaneKind, bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> Op
         (false, true) => config.largest_walled_share,
         (false, false) => 1.0,
     };
-    if largest_walled_share < 1.0 && walled_share(&painted, cloud, config) > largest_walled_share {
+    if largest_walled_share < 1.0 && walled_share(&painted, path, cloud, config) > largest_walled_share {
         return None;
     }
-    let points = on_ground(bins, cloud, config);
+    let points = on_ground(bins, path, cloud, config);
     // Heights count less than sideways errors: scaled, one tolerance serves both.
     let scale = config.tolerance_m / config.height_tolerance_m;
     let scaled: Vec<Point3<f64>> = points.iter().map(|(_, p)| Point3::new(p.x, p.y * scale, p.z)).collect();
@@ -66,7 +79,8 @@ fn piece(kind: LaneKind, bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> Op
     // vertices are moved so that the line runs amid its places.
     let points_map = fitted(&points, &kept);
     let stations_m = kept.iter().map(|i| points[*i].0).collect();
-    Some(LanePiece { kind, points_map, stations_m, spread_m, marks_m: Vec::new() })
+    let painted_share = painted.len() as f64 / bins.len() as f64;
+    Some(LanePiece { kind, points_map, stations_m, spread_m, contrast, painted_share, marks_m: Vec::new() })
 }
 
 /// Share of the painted bins with paint right beside the line, on its left (0)
@@ -80,9 +94,9 @@ fn striped_share(painted: &[&Bin], side: usize) -> f64 {
 /// Share of the painted bins with something standing right beside the line: a
 /// strip of grass before a wall or a fence is as bright between two darker
 /// things as paint is.
-fn walled_share(painted: &[&Bin], cloud: &Cloud, config: &LaneConfig) -> f64 {
+fn walled_share(painted: &[&Bin], path: &Path, cloud: &Cloud, config: &LaneConfig) -> f64 {
     let is_walled = |bin: &&&Bin| {
-        let at = cloud.path.beside(bin.station_m, bin.offset_m);
+        let at = path.beside(bin.station_m, bin.offset_m);
         let stands = |p: &&CloudPoint| {
             let height_m = f64::from(p.height_m);
             height_m > config.wall_m[0]
@@ -99,10 +113,10 @@ fn walled_share(painted: &[&Bin], cloud: &Cloud, config: &LaneConfig) -> f64 {
 /// Places beside the path put on the ground, its height smoothed along the
 /// line like its course; where no ground was seen the line has no height.
 /// Each with its station.
-fn on_ground(bins: &[Bin], cloud: &Cloud, config: &LaneConfig) -> Vec<(f64, Point3<f64>)> {
+fn on_ground(bins: &[Bin], path: &Path, cloud: &Cloud, config: &LaneConfig) -> Vec<(f64, Point3<f64>)> {
     // Every second bin, and the last: the line is smooth over several.
     let kept = bins.iter().enumerate().filter(|(i, _)| i % 2 == 0 || i + 1 == bins.len()).map(|(_, b)| b);
-    let at: Vec<(f64, Point3<f64>)> = kept.map(|b| (b.station_m, cloud.path.beside(b.station_m, b.offset_m))).collect();
+    let at: Vec<(f64, Point3<f64>)> = kept.map(|b| (b.station_m, path.beside(b.station_m, b.offset_m))).collect();
     let seen: Vec<(f64, f64)> = at
         .iter()
         .filter_map(|(s, p)| {

@@ -250,12 +250,14 @@ impl Cloud {
     pub fn ground_around(&self, places: impl IntoIterator<Item = Point2<f64>>) -> impl Iterator<Item = &CloudPoint> {
         let grid = self.ground.grid();
         let cell = |m: f64, low_m: f64| ((m - low_m) / grid.cell_m).max(0.0) as usize;
-        let (mut columns, mut rows) = (usize::MAX..0, usize::MAX..0);
+        let (mut first, mut end) = ([usize::MAX; 2], [0; 2]);
         for place in places {
-            let (x, z) = (cell(place.x, grid.origin.x), cell(place.y, grid.origin.y));
-            columns = columns.start.min(x)..columns.end.max(x + 1).min(grid.width);
-            rows = rows.start.min(z)..rows.end.max(z + 1).min(grid.height);
+            let cells = [cell(place.x, grid.origin.x), cell(place.y, grid.origin.y)];
+            for (k, cell) in cells.into_iter().enumerate() {
+                (first[k], end[k]) = (first[k].min(cell), end[k].max(cell + 1));
+            }
         }
+        let (columns, rows) = (first[0]..end[0].min(grid.width), first[1]..end[1].min(grid.height));
         self.lying.within(columns, rows, grid).map(move |i| &self.points[i])
     }
 

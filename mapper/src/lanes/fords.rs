@@ -1,5 +1,6 @@
-//! Fords across side streets: block markings, which are painted and bare
-//! several times on the length of one dash.
+//! What is painted across the mouths of streets and prolongs lines: bars of
+//! crossings, and the block markings of fords, which are painted and bare several
+//! times on the length of one dash.
 
 use super::LaneConfig;
 use super::paint::{Paint, between};
@@ -16,14 +17,15 @@ const CELL_M: f64 = 0.1;
 const LEAST_SEEN: f64 = 0.7;
 /// Periods that are tried are so much of one apart over the length of a run.
 const STEP: f64 = 0.25;
-/// Longest run that is asked, metres: as wide as a side street with its corners.
-const LONGEST_M: f64 = 30.0;
+/// Lengths of the runs that are asked, metres: a ford is as wide as a side street
+/// with its corners. Shorter runs are dashes, of which too few cells are seen.
+const LENGTHS_M: std::ops::Range<f64> = 8.0..30.0;
 
 /// Whether a run of paint consists of blocks: its share of paint, cell by cell,
 /// repeats with a period (Schuster 1898).
 pub fn is_ford(run: &[Bin], paint: &Paint, config: &LaneConfig) -> bool {
     let length_m = run.len() as f64 * config.profile_m;
-    if !(config.fewest_dashes as f64 * PERIODS_M[1]..LONGEST_M).contains(&length_m) {
+    if !LENGTHS_M.contains(&length_m) {
         return false;
     }
     let shares = shares(run, paint, config);
@@ -40,9 +42,9 @@ pub fn is_ford(run: &[Bin], paint: &Paint, config: &LaneConfig) -> bool {
         2.0 * re.hypot(im)
     };
     let [most_per_m, least_per_m] = PERIODS_M.map(f64::recip);
-    (0..)
+    let steps = ((most_per_m - least_per_m) * length_m / STEP) as u32;
+    (0..=steps)
         .map(|k| most_per_m - f64::from(k) * STEP / length_m)
-        .take_while(|per_m| *per_m >= least_per_m)
         .any(|per_m| strength(per_m) > config.largest_periodic_share * sum)
 }
 
@@ -69,4 +71,36 @@ fn shares(run: &[Bin], paint: &Paint, config: &LaneConfig) -> Vec<(f64, f64)> {
     let middle_m = |i: usize| start_m + (i as f64 + 0.5) * CELL_M;
     let seen = cells.iter().enumerate().filter(|(_, (_, road))| *road > 0.0);
     seen.map(|(i, (bright, road))| (middle_m(i), f64::min(bright / road, 1.0))).collect()
+}
+
+/// Half of the shortest bars of crossings, metres.
+const HALF_BAR_M: f64 = 1.0;
+/// Fewest points of paint on each side of a bar: a few are grains.
+const FEWEST_ACROSS: f64 = 6.0;
+
+/// What has as dense paint on its both sides as the bars of crossings have,
+/// and far denser than where the line itself runs, is one of them.
+pub fn forget_bars(bins: &mut [Bin], config: &LaneConfig) {
+    let half = (HALF_BAR_M / config.profile_m) as usize;
+    let near = |i: usize| &bins[i.saturating_sub(half)..(i + half + 1).min(bins.len())];
+    let across = |i: usize| {
+        let sides = [0, 1].map(|k| near(i).iter().map(|b| b.across[k]).sum::<f64>());
+        sides[0].min(sides[1])
+    };
+    let painted: Vec<(usize, f64)> = (0..bins.len()).filter(|i| bins[*i].painted).map(|i| (i, across(i))).collect();
+    let mut sorted: Vec<f64> = painted.iter().map(|(_, across)| *across).collect();
+    sorted.sort_by(f64::total_cmp);
+    let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+    let [from_m, to_m] = config.across_m;
+    let is_bar = |(i, across): &(usize, f64)| {
+        let own = near(*i).iter().map(|b| b.bright).sum::<f64>() / (2.0 * config.half_line_m);
+        let density = across / (to_m - from_m);
+        *across >= FEWEST_ACROSS
+            && *across > config.least_share_ratio * usual
+            && density > config.largest_across_share * own
+    };
+    let bars: Vec<usize> = painted.iter().filter(|bar| is_bar(bar)).map(|(i, _)| *i).collect();
+    for i in bars {
+        bins[i].painted = false;
+    }
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::fords::is_ford;
+use super::fords::{forget_bars, is_ford};
 use super::paint::{Paint, between};
 use super::{Chain, LaneConfig};
 
@@ -227,36 +227,6 @@ fn decide(bins: &mut [Bin], config: &LaneConfig) -> Shares {
     Shares { painted: share, bare }
 }
 
-/// Half of the shortest bars of crossings, metres.
-const HALF_BAR_M: f64 = 1.0;
-/// Fewest points of paint on each side of a bar: a few are grains.
-const FEWEST_ACROSS: f64 = 6.0;
-
-/// What has as dense paint on its both sides as the bars of crossings have,
-/// and far denser than where the line itself runs, is one of them.
-fn forget_bars(bins: &mut [Bin], config: &LaneConfig) {
-    let half = (HALF_BAR_M / config.profile_m) as usize;
-    let near = |i: usize| &bins[i.saturating_sub(half)..(i + half + 1).min(bins.len())];
-    let across = |i: usize| {
-        let sides = [0, 1].map(|k| near(i).iter().map(|b| b.across[k]).sum::<f64>());
-        sides[0].min(sides[1])
-    };
-    let painted: Vec<(usize, f64)> = (0..bins.len()).filter(|i| bins[*i].painted).map(|i| (i, across(i))).collect();
-    let mut sorted: Vec<f64> = painted.iter().map(|(_, across)| *across).collect();
-    sorted.sort_by(f64::total_cmp);
-    let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-    let [from_m, to_m] = config.across_m;
-    let is_bar = |(i, across): &(usize, f64)| {
-        let own = near(*i).iter().map(|b| b.bright).sum::<f64>() / (2.0 * config.half_line_m);
-        let density = across / (to_m - from_m);
-        *across >= FEWEST_ACROSS
-            && *across > config.least_share_ratio * usual
-            && density > config.largest_across_share * own
-    };
-    let bars: Vec<usize> = painted.iter().filter(|bar| is_bar(bar)).map(|(i, _)| *i).collect();
-    bars.into_iter().for_each(|i| bins[i].painted = false);
-}
-
 /// Paint that nobody saw: where nothing tells, the likeliest is what was there
 /// before. It stands over short stretches between two points of paint only.
 fn forget_unseen(bins: &mut [Bin], config: &LaneConfig) {
@@ -313,6 +283,10 @@ pub fn runs(bins: &[Bin], config: &LaneConfig) -> Vec<Range<usize>> {
     runs
 }
 
+/// How much larger the distances from a bend may be than those from the bent
+/// chain for the bend to be preferred: the chain has more freedom to follow them.
+const SIMPLER: f64 = 1.1;
+
 /// Offset of the line in each bin: the local line through the painted bins
 /// around it; the window widens over gaps. A wide one has room for the bends of
 /// the line and of the path that it is measured from, so it may bend; and where
@@ -330,7 +304,7 @@ fn smoothed(bins: &[Bin], chain: &Chain, config: &LaneConfig) -> Vec<Option<f64>
         let bent = |w: &f64| {
             let (offset_m, spread_m) = local_bend(&painted, station_m, config.smooth_m * w, fewest)?;
             let (off_m, chain_spread_m) = local_bend(&from_chain, station_m, config.smooth_m * w, fewest)?;
-            let is_simple = spread_m <= 1.25 * chain_spread_m;
+            let is_simple = spread_m <= SIMPLER * chain_spread_m;
             Some(if is_simple { offset_m } else { chain.offset_m(station_m) + off_m })
         };
         straight.or_else(|| [2.0, 4.0, 8.0].iter().find_map(bent))

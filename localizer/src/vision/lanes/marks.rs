@@ -30,8 +30,8 @@ pub fn edges(image: &Plane, points_px: &[Point2<f64>], ground: &Ground, config: 
     let depth_m = |row_px: f64| scale / (row_px - ground.horizon_px).max(1.0);
     let (near_m, far_m) = (depth_m(near.y), depth_m(far.y).min(far_m));
     let line = Line { points_px: &points_px, ground };
-    let places: Vec<Point2<f64>> =
-        (0..).map(|i| near_m + f64::from(i) * STEP_M).take_while(|z| *z <= far_m).filter_map(|z| line.at(z)).collect();
+    let count = ((far_m - near_m) / STEP_M).max(0.0) as u32;
+    let places: Vec<Point2<f64>> = (0..count).filter_map(|i| line.at(near_m + f64::from(i) * STEP_M)).collect();
     let contrasts: Vec<f64> = places.iter().map(|at_px| contrast(image, at_px, ground)).collect();
     let half = (config.compare_m / STEP_M).round().max(1.0) as usize;
     let steps = steps(&contrasts, half);

@@ -216,7 +216,7 @@ fn marks(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool
         road: RoadId(0),
         marks_m: lane.marks_m.clone(),
     };
-    let inside = |mark: &[Point3<f64>; 2]| mark.iter().all(|end| counts(end));
+    let inside = |mark: &[Point3<f64>; 2]| mark.iter().all(counts);
     let wanted: Vec<[Point3<f64>; 2]> =
         truth.lanes.iter().flat_map(|lane| line(lane).marks_map().collect::<Vec<_>>()).filter(inside).collect();
     let claimed: Vec<[Point3<f64>; 2]> = map.lanes.iter().flat_map(LaneLine::marks_map).filter(inside).collect();

@@ -190,7 +190,7 @@ mod tests {
     fn marks_end_where_they_are_painted() {
         let (image, points_px) = view(&[[5.0, 9.0], [12.0, 15.0], [18.0, 21.0]]);
         let found = edges(&image, &points_px, &GROUND, &MarkConfig::default());
-        let expected = [(9.0, false), (12.0, true), (15.0, false), (18.0, true)];
+        let expected = [(9.0, false), (12.0, true), (15.0, false), (18.0, true), (21.0, false)];
         assert_eq!(found.len(), expected.len(), "{found:?}");
         for (edge, (z, is_near)) in found.iter().zip(expected) {
             let off_px = edge.at_px.y - GROUND.row_px(z);

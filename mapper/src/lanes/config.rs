@@ -113,9 +113,9 @@ pub struct LaneConfig {
     /// Longest dash, metres: longer paint is a solid line. The longest in use
     /// are 9 m.
     pub longest_dash_m: f64,
-    /// By how much a mark may be longer or shorter than the median of its
-    /// line's, metres: machines paint them alike, and what differs by more was
-    /// worn or hidden in part, or are two with a gap that was not seen.
+    /// By how much a mark may be longer than the median of its line's, metres:
+    /// machines paint them alike, and what is longer are two, with a gap that was
+    /// not seen. Shorter ones are worn.
     pub mark_within_m: f64,
     /// Heights above ground between which walls, fences and hedges are seen,
     /// metres: kerbs are lower.

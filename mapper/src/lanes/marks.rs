@@ -43,7 +43,8 @@ pub fn marks(kind: LaneKind, bins: &[Bin], shares: Shares, paint: &Paint, config
         (None, Some(end_m)) => Some([end_m - usual_m, end_m]),
         (None, None) => None,
     };
-    let is_like = |mark: &[f64; 2]| (mark[1] - mark[0] - usual_m).abs() <= config.mark_within_m;
+    // Worn marks are shorter, and end where lidar and camera see them end.
+    let is_like = |mark: &[f64; 2]| (0.5 * usual_m..usual_m + config.mark_within_m).contains(&(mark[1] - mark[0]));
     let mut marks: Vec<[f64; 2]> = ends.into_iter().filter_map(mark).filter(is_like).collect();
     marks.dedup_by(|next, before| next[0] <= before[1]);
     marks

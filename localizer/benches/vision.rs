@@ -95,5 +95,5 @@ fn extract_lanes(bencher: Bencher) {
 #[divan::bench]
 fn extract_all(bencher: Bencher) {
     let (maps, config) = (maps(), VisionConfig::default());
-    bencher.bench_local(|| extract(black_box(&maps), &config));
+    bencher.bench_local(|| extract(black_box(&maps), None, &config));
 }

@@ -1,12 +1,12 @@
 //! Whether landmarks are as uncertain as their evidence says.
 
-use common::geometry::Pose;
+use common::geometry::{Pose, above};
 use common::map::{LaneLine, PoleKind, SemanticMap};
 use fixtures::truth::Truth;
 use mapper::evidence::{MapEvidence, PointEvidence};
 use nalgebra::{Point2, Point3, Vector3};
 
-use crate::matching::{above, one_to_one};
+use crate::matching::one_to_one;
 
 /// Landmarks of map and truth are the same within this, metres.
 const WITHIN_M: f64 = 0.5;

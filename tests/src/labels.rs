@@ -3,12 +3,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use common::geometry::Pose;
+use common::geometry::{Pose, above, distance_to_segment};
 use common::kitti::{Sequence, read_scan};
 use common::map::{PoleKind, SemanticMap};
 use nalgebra::{Point2, Point3, Vector2};
-
-use crate::matching::above;
 
 /// Labels of `SemanticKITTI`.
 const LANE_MARKING: u16 = 60;
@@ -144,7 +142,8 @@ pub fn score(map: &SemanticMap, labelled: &Labelled, within_m: f64) -> LabelScor
     for lane in &map.lanes {
         let Some(first) = lane.points_map.first() else { continue };
         let is_on = |p: &Point3<f64>| {
-            lane.points_map.windows(2).any(|pair| off_segment_m(p, &pair[0], &pair[1]) < LANE_REACH_M) && is_near(p)
+            lane.points_map.windows(2).any(|pair| distance_to_segment(p, [&pair[0], &pair[1]]) < LANE_REACH_M)
+                && is_near(p)
         };
         landmarks.extend(on_landmark(lane.kind.name(), above(first), &points, is_on, &[LANE_MARKING]));
     }
@@ -210,12 +209,6 @@ fn labelled_poles(points: &[(Point3<f64>, u16)], map: &SemanticMap) -> Vec<Label
         poles.push(LabelledPole { at, points: members.len(), height_m: high - low, is_found });
     }
     poles
-}
-
-fn off_segment_m(p: &Point3<f64>, a: &Point3<f64>, b: &Point3<f64>) -> f64 {
-    let way = b - a;
-    let share = ((p - a).dot(&way) / way.norm_squared().max(1e-12)).clamp(0.0, 1.0);
-    (p - (a + way * share)).norm()
 }
 
 #[cfg(test)]

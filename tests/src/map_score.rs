@@ -1,11 +1,11 @@
 //! A map against the truth of a generated drive.
 
-use common::geometry::Pose;
+use common::geometry::{Pose, above, distance_from_above_m};
 use common::map::{LaneKind, LaneLine, Pole, PoleKind, RoadId, SemanticMap, Sign, SignKind};
 use fixtures::truth::{TrueLane, TruePole, Truth};
 use nalgebra::{Matrix3, Point2, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use crate::matching::{above, one_to_one};
+use crate::matching::one_to_one;
 
 /// Poles of map and truth are the same within this, metres: half the spacing of
 /// the densest bollards.
@@ -258,7 +258,7 @@ fn lanes(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool
         for (kind, line) in lines {
             for sample in sampled(line).iter().filter(|p| counts(p)) {
                 all += SAMPLE_M;
-                let nearest = others.iter().map(|(kind, line)| (distance_m(sample, line), kind));
+                let nearest = others.iter().map(|(kind, line)| (distance_from_above_m(sample, line), kind));
                 let Some((off_m, found)) = nearest.min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
                 if off_m < LANE_WITHIN_M {
                     near += SAMPLE_M;
@@ -285,20 +285,6 @@ fn sampled(line: &[Point3<f64>]) -> Vec<Point3<f64>> {
             (0..steps).map(move |i| pair[0] + way * ((i as f64 + 0.5) / steps as f64))
         })
         .collect()
-}
-
-/// Distance of a point from a polyline, seen from above, metres.
-fn distance_m(point: &Point3<f64>, line: &[Point3<f64>]) -> f64 {
-    let p = above(point);
-    line.windows(2)
-        .map(|pair| {
-            let (a, b) = (above(&pair[0]), above(&pair[1]));
-            let way = b - a;
-            let share =
-                if way.norm_squared() > 0.0 { ((p - a).dot(&way) / way.norm_squared()).clamp(0.0, 1.0) } else { 0.0 };
-            (a + way * share - p).norm()
-        })
-        .fold(f64::INFINITY, f64::min)
 }
 
 #[cfg(test)]
@@ -365,6 +351,21 @@ mod tests {
         truth.lanes[0].kind = "dashed".into();
         let score = score(&map(), &truth, &path, 20.0);
         assert!((score.lanes.recall() - 0.5).abs() < 0.02 && score.lane_kinds < 1e-12);
+    }
+
+    #[test]
+    fn a_mark_is_found_where_both_of_its_ends_are() {
+        let path: Vec<Pose> = (0..20).map(|z| Pose::translation(0.0, 0.0, f64::from(z))).collect();
+        let (mut map, mut truth) = (map(), truth());
+        truth.lanes[0].kind = "dashed".into();
+        truth.lanes[0].marks_m = vec![[1.0, 4.0], [7.0, 9.0], [12.0, 15.0], [60.0, 63.0]];
+        // Drawn the other way: one that ends 0.1 m off, one that is a metre too
+        // long, one where there is none.
+        map.lanes[0].points_map = vec![Point3::new(1.5, 1.6, 20.0), Point3::new(1.5, 1.6, 0.0)];
+        map.lanes[0].marks_m = vec![[5.0, 8.1], [10.0, 13.0], [17.0, 18.0]];
+        let marks = score(&map, &truth, &path, 20.0).marks;
+        assert!((marks.recall() - 1.0 / 3.0).abs() < 1e-12 && (marks.precision() - 1.0 / 3.0).abs() < 1e-12);
+        assert!((marks.off_m - 0.1).abs() < 1e-9, "{marks:?}");
     }
 
     #[test]

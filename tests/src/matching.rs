@@ -1,11 +1,6 @@
 //! Which found things are which true ones.
 
-use nalgebra::{Point2, Point3};
-
-/// A point of the map seen from above: its (x, z), metres.
-pub fn above(p: &Point3<f64>) -> Point2<f64> {
-    Point2::new(p.x, p.z)
-}
+use nalgebra::Point2;
 
 /// One-to-one pairs `(found, wanted)` of points at most `within_m` apart, as
 /// many as there can be, near ones first; by ascending `found`.

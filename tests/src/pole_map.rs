@@ -3,13 +3,13 @@
 
 use std::path::Path;
 
-use common::geometry::Pose;
+use common::geometry::{Pose, above};
 use common::kitti::{Sequence, read_poses};
 use common::map::SemanticMap;
 use common::{Error, Result};
 use nalgebra::{Point2, Point3};
 
-use crate::matching::{above, one_to_one};
+use crate::matching::one_to_one;
 
 /// Poles farther from the driven path than this do not count, metres.
 pub const BESIDE_PATH_M: f64 = 15.0;

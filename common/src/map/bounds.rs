@@ -3,6 +3,7 @@
 use nalgebra::Point3;
 
 use super::{RoadId, SemanticMap};
+use crate::geometry::distance_to_polyline;
 
 /// An axis-aligned box in the map frame, metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,31 +33,15 @@ impl SemanticMap {
     /// first of them where several do; none where the map has no road.
     pub fn nearest_road(&self, point_map: &Point3<f64>) -> Option<RoadId> {
         let mut nearest = None;
-        let mut nearest_m2 = f64::INFINITY;
+        let mut nearest_m = f64::INFINITY;
         for (id, road) in (0..).zip(&self.roads) {
-            let distance_m2 = distance_to_path_m2(&road.path_map, point_map);
-            if distance_m2 < nearest_m2 {
-                (nearest, nearest_m2) = (Some(RoadId(id)), distance_m2);
+            let distance_m = distance_to_polyline(point_map, &road.path_map);
+            if distance_m < nearest_m {
+                (nearest, nearest_m) = (Some(RoadId(id)), distance_m);
             }
         }
         nearest
     }
-}
-
-/// Squared distance of a point from a polyline, square metres; infinite where
-/// the line has no vertex.
-fn distance_to_path_m2(path: &[Point3<f64>], point: &Point3<f64>) -> f64 {
-    let Some(first) = path.first() else { return f64::INFINITY };
-    let mut nearest_m2 = (point - first).norm_squared();
-    for pair in path.windows(2) {
-        let along = pair[1] - pair[0];
-        let length_m2 = along.norm_squared();
-        if length_m2 > 0.0 {
-            let fraction = ((point - pair[0]).dot(&along) / length_m2).clamp(0.0, 1.0);
-            nearest_m2 = nearest_m2.min((point - (pair[0] + along * fraction)).norm_squared());
-        }
-    }
-    nearest_m2
 }
 
 #[cfg(test)]

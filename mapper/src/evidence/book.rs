@@ -1,5 +1,6 @@
 //! Evidence gathered window by window, handed out in the order of the map.
 
+use common::geometry::distance_to_polyline;
 use common::map::{LaneLine, Pole, SemanticMap, Sign};
 use nalgebra::{Matrix3, Point3};
 
@@ -72,7 +73,7 @@ impl EvidenceBook {
         let samples = samples(lane);
         let mut sum = (0.0, 0.0, 0.0, 0.0, 0.0);
         for (own, evidence) in &self.lanes {
-            let beside = samples.iter().filter(|p| distance_m(p, own) < SAME_M).count() as f64;
+            let beside = samples.iter().filter(|p| distance_to_polyline(p, &own.points_map) < SAME_M).count() as f64;
             sum.0 += beside;
             sum.1 += beside * evidence.lateral_sigma_m.powi(2);
             sum.2 += beside * evidence.vertical_sigma_m.powi(2);
@@ -128,15 +129,6 @@ fn samples(lane: &LaneLine) -> Vec<Point3<f64>> {
         (0..steps as usize).map(move |i| from + along * ((i as f64 + 0.5) / steps))
     };
     lane.points_map.windows(2).flat_map(edge).collect()
-}
-
-fn distance_m(p: &Point3<f64>, lane: &LaneLine) -> f64 {
-    let edge = |ends: &[Point3<f64>]| {
-        let along = ends[1] - ends[0];
-        let share = ((p - ends[0]).dot(&along) / along.norm_squared().max(1e-12)).clamp(0.0, 1.0);
-        (ends[0] + along * share - p).norm()
-    };
-    lane.points_map.windows(2).map(edge).fold(f64::INFINITY, f64::min)
 }
 
 #[cfg(test)]

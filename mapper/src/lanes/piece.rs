@@ -1,7 +1,8 @@
 //! Pieces of lane lines, and what is left of those that describe one twice.
 
+use common::geometry::distance_from_above_m;
 use common::map::LaneKind;
-use nalgebra::{Point3, Vector2};
+use nalgebra::Point3;
 
 use super::LaneConfig;
 
@@ -57,13 +58,7 @@ impl LanePiece {
 
     /// Distance of a point from it on the ground plane, metres.
     pub fn distance_m(&self, p: &Point3<f64>) -> f64 {
-        let from_side = |ends: &[Point3<f64>]| {
-            let [a, b] = [ends[0], ends[1]].map(|end| Vector2::new(end.x - p.x, end.z - p.z));
-            let way = b - a;
-            let share = (-a.dot(&way) / way.norm_squared().max(1e-12)).clamp(0.0, 1.0);
-            (a + way * share).norm()
-        };
-        self.points_map.windows(2).map(from_side).fold(f64::INFINITY, f64::min)
+        distance_from_above_m(p, &self.points_map)
     }
 
     /// Its part between two stations; `None` where that is shorter than

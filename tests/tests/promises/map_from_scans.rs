@@ -4,12 +4,12 @@
 //! real one (poles of KITTI 04: recall 0.71, precision 0.86); raise them with
 //! the mapper.
 
+use common::geometry::{above, distance_to_polyline};
 use common::kitti::read_poses;
 use common::map::{LaneKind, SemanticMap, SignKind};
 use fixtures::truth::Truth;
 use nalgebra::{Point2, Point3};
 use waymark_tests::map_score::{MapScore, score};
-use waymark_tests::matching::above;
 
 use crate::support::DEMO;
 
@@ -77,11 +77,7 @@ fn solid_lines_are_told_from_dashed_ones() {
         let middle = line[line.len() / 2 - 1] + (line[line.len() / 2] - line[line.len() / 2 - 1]) / 2.0;
         let painted = case.truth.lanes.iter().filter(|truth| {
             let points: Vec<Point2<f64>> = truth.points_map_m.iter().map(|p| Point2::new(p[0], p[2])).collect();
-            points.windows(2).any(|w| {
-                let along = w[1] - w[0];
-                let share = ((middle - w[0]).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
-                (w[0] + along * share - middle).norm() < 0.15
-            })
+            distance_to_polyline(&middle, &points) < 0.15
         });
         let kind = if lane.kind == LaneKind::Solid { "solid" } else { "dashed" };
         let length_m: f64 = line.windows(2).map(|w| (w[1] - w[0]).norm()).sum();

@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::{ContrastConfig, SideConfig};
+use super::{ContrastConfig, FordConfig, MarkConfig, SideConfig};
 
 /// How lane lines are found and described.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -84,18 +84,6 @@ pub struct LaneConfig {
     pub ragged_share: f64,
     /// Share of such a line beside which something has to stand for that.
     pub ragged_walled_share: f64,
-    /// Where beside a line the next bars of a crossing are, metres: bars and
-    /// their gaps are half a metre wide each.
-    pub across_m: [f64; 2],
-    /// Density of paint there, on both sides, as a share of that on the line,
-    /// from which on what looks like a dash is such a bar: bars fill half of
-    /// it, and of their paint every second point stands out; one neighbour is
-    /// another line, or an arrow.
-    pub largest_across_share: f64,
-    /// Strength of the strongest period among those of block markings, from
-    /// which on a run of paint is such a one, as a share of its points of
-    /// paint: blocks of 0.5 m with gaps of 0.2 m have 0.7, solid lines some 0.2.
-    pub largest_periodic_share: f64,
     /// Fewest dashes of a dashed line: an arrow or a letter is one blot.
     pub fewest_dashes: usize,
     /// Shortest dash, metres, as it looks: the shortest in use are 1 m, those
@@ -113,10 +101,6 @@ pub struct LaneConfig {
     /// Longest dash, metres: longer paint is a solid line. The longest in use
     /// are 9 m.
     pub longest_dash_m: f64,
-    /// By how much a mark may be longer than the median of its line's, metres:
-    /// machines paint them alike, and what is longer are two, with a gap that was
-    /// not seen. Shorter ones are worn.
-    pub mark_within_m: f64,
     /// Heights above ground between which walls, fences and hedges are seen,
     /// metres: kerbs are lower.
     pub wall_m: [f64; 2],
@@ -161,6 +145,14 @@ pub struct LaneConfig {
     pub height_tolerance_m: f64,
     /// Half length over which the line is smoothed, metres.
     pub smooth_m: f64,
+    /// How much farther off the paint a bend may lie than one that follows the
+    /// chain of windows, as a ratio, to be preferred: the chain has more freedom
+    /// to follow it, some 5 % where it does not swing at all.
+    pub largest_simple_ratio: f64,
+    /// Ends of the marks of dashed lines.
+    pub marks: MarkConfig,
+    /// Crossings and fords.
+    pub fords: FordConfig,
     /// Lines of side streets.
     pub side: SideConfig,
 }
@@ -198,16 +190,12 @@ impl Default for LaneConfig {
             largest_striped_share: 0.5,
             ragged_share: 0.15,
             ragged_walled_share: 0.1,
-            across_m: [0.35, 1.35],
-            largest_across_share: 0.15,
-            largest_periodic_share: 0.55,
             fewest_dashes: 3,
             shortest_dash_m: 0.9,
             shortest_dashed_m: 18.0,
             longest_unseen_m: 4.0,
             least_seen_share: 0.4,
             longest_dash_m: 9.5,
-            mark_within_m: 0.5,
             wall_m: [0.25, 1.5],
             wall_within_m: 0.45,
             fewest_wall_scans: 6,
@@ -224,6 +212,9 @@ impl Default for LaneConfig {
             tolerance_m: 0.03,
             height_tolerance_m: 0.06,
             smooth_m: 4.0,
+            largest_simple_ratio: 1.1,
+            marks: MarkConfig::default(),
+            fords: FordConfig::default(),
             side: SideConfig::default(),
         }
     }

@@ -2,34 +2,77 @@
 //! crossings, and the block markings of fords, which are painted and bare several
 //! times on the length of one dash.
 
+use serde::{Deserialize, Serialize};
+
 use super::LaneConfig;
 use super::paint::{Paint, between};
 use super::profile::Bin;
 
-/// Periods of block markings, metres: blocks of 0.3 to 0.6 m, gaps of 0.2 to
-/// 0.6 m.
-const PERIODS_M: [f64; 2] = [0.5, 1.25];
-/// Length of the cells in which paint is told from gaps, metres: half of the
-/// shortest gap.
-const CELL_M: f64 = 0.1;
-/// Share of the cells that have to be seen: rings of one scan lie as far apart
-/// as blocks, and show what is there as if it were blocks.
-const LEAST_SEEN: f64 = 0.7;
-/// Periods that are tried are so much of one apart over the length of a run.
+/// How what crosses the road is told from lane lines.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FordConfig {
+    /// Shortest and longest period of block markings, metres: blocks of 0.3 to
+    /// 0.6 m, gaps of 0.2 to 0.6 m.
+    pub periods_m: [f64; 2],
+    /// Length of the cells in which paint is told from gaps, metres: half of the
+    /// shortest gap.
+    pub cell_m: f64,
+    /// Share of the cells that have to be seen: rings of one scan lie as far
+    /// apart as blocks, and show what is there as if it were blocks.
+    pub least_seen_share: f64,
+    /// Lengths of the runs that are asked, metres: a ford is as wide as a side
+    /// street with its corners. Shorter runs are dashes, of which too few cells
+    /// are seen.
+    pub lengths_m: [f64; 2],
+    /// Strength of the strongest period, as a share of the points of paint of a
+    /// run, from which on it consists of blocks: those of 0.5 m with gaps of
+    /// 0.2 m have 0.7, solid lines some 0.2.
+    pub largest_periodic_share: f64,
+    /// Where beside a line the next bars of a crossing are, metres: bars and
+    /// their gaps are half a metre wide each.
+    pub across_m: [f64; 2],
+    /// Density of paint there, on both sides, as a share of that on the line,
+    /// from which on what looks like a dash is such a bar: bars fill half of
+    /// it, and of their paint every second point stands out; one neighbour is
+    /// another line, or an arrow.
+    pub largest_across_share: f64,
+    /// Half of the shortest bars of crossings, metres.
+    pub half_bar_m: f64,
+    /// Fewest points of paint on each side of a bar: a few are grains.
+    pub fewest_across: f64,
+}
+
+impl Default for FordConfig {
+    fn default() -> Self {
+        Self {
+            periods_m: [0.5, 1.25],
+            cell_m: 0.1,
+            least_seen_share: 0.7,
+            lengths_m: [8.0, 30.0],
+            largest_periodic_share: 0.55,
+            across_m: [0.35, 1.35],
+            largest_across_share: 0.15,
+            half_bar_m: 1.0,
+            fewest_across: 6.0,
+        }
+    }
+}
+
+/// Periods that are tried are so much of one apart over the length of a run: a
+/// resolution, not a choice.
 const STEP: f64 = 0.25;
-/// Lengths of the runs that are asked, metres: a ford is as wide as a side street
-/// with its corners. Shorter runs are dashes, of which too few cells are seen.
-const LENGTHS_M: std::ops::Range<f64> = 8.0..30.0;
 
 /// Whether a run of paint consists of blocks: its share of paint, cell by cell,
 /// repeats with a period (Schuster 1898).
 pub fn is_ford(run: &[Bin], paint: &Paint, config: &LaneConfig) -> bool {
     let length_m = run.len() as f64 * config.profile_m;
-    if !LENGTHS_M.contains(&length_m) {
+    let fords = &config.fords;
+    if !(fords.lengths_m[0]..fords.lengths_m[1]).contains(&length_m) {
         return false;
     }
     let shares = shares(run, paint, config);
-    if (shares.len() as f64) * CELL_M < LEAST_SEEN * length_m {
+    if (shares.len() as f64) * fords.cell_m < fords.least_seen_share * length_m {
         return false;
     }
     let sum: f64 = shares.iter().map(|(_, share)| share).sum();
@@ -41,19 +84,20 @@ pub fn is_ford(run: &[Bin], paint: &Paint, config: &LaneConfig) -> bool {
         });
         2.0 * re.hypot(im)
     };
-    let [most_per_m, least_per_m] = PERIODS_M.map(f64::recip);
+    let [most_per_m, least_per_m] = fords.periods_m.map(f64::recip);
     let steps = ((most_per_m - least_per_m) * length_m / STEP) as u32;
     (0..=steps)
         .map(|k| most_per_m - f64::from(k) * STEP / length_m)
-        .any(|per_m| strength(per_m) > config.largest_periodic_share * sum)
+        .any(|per_m| strength(per_m) > fords.largest_periodic_share * sum)
 }
 
 /// Share of paint among the road points on the core of a run, in the cells of
 /// its length that were seen: station, metres, and share.
 fn shares(run: &[Bin], paint: &Paint, config: &LaneConfig) -> Vec<(f64, f64)> {
     let Some(start_m) = run.first().map(|bin| bin.station_m - config.profile_m / 2.0) else { return Vec::new() };
-    let mut cells = vec![(0.0, 0.0); (run.len() as f64 * config.profile_m / CELL_M).ceil() as usize + 1];
-    let cell = |station_m: f64| ((station_m - start_m) / CELL_M).max(0.0) as usize;
+    let cell_m = config.fords.cell_m;
+    let mut cells = vec![(0.0, 0.0); (run.len() as f64 * config.profile_m / cell_m).ceil() as usize + 1];
+    let cell = |station_m: f64| ((station_m - start_m) / cell_m).max(0.0) as usize;
     for bin in run {
         let (from_m, to_m) = (bin.station_m - config.profile_m / 2.0, bin.station_m + config.profile_m / 2.0);
         let is_core = |offset_m: f64| (offset_m - bin.offset_m).abs() <= config.half_core_m;
@@ -68,20 +112,16 @@ fn shares(run: &[Bin], paint: &Paint, config: &LaneConfig) -> Vec<(f64, f64)> {
             }
         }
     }
-    let middle_m = |i: usize| start_m + (i as f64 + 0.5) * CELL_M;
+    let middle_m = |i: usize| start_m + (i as f64 + 0.5) * cell_m;
     let seen = cells.iter().enumerate().filter(|(_, (_, road))| *road > 0.0);
     seen.map(|(i, (bright, road))| (middle_m(i), f64::min(bright / road, 1.0))).collect()
 }
 
-/// Half of the shortest bars of crossings, metres.
-const HALF_BAR_M: f64 = 1.0;
-/// Fewest points of paint on each side of a bar: a few are grains.
-const FEWEST_ACROSS: f64 = 6.0;
-
 /// What has as dense paint on its both sides as the bars of crossings have,
 /// and far denser than where the line itself runs, is one of them.
 pub fn forget_bars(bins: &mut [Bin], config: &LaneConfig) {
-    let half = (HALF_BAR_M / config.profile_m) as usize;
+    let fords = &config.fords;
+    let half = (fords.half_bar_m / config.profile_m) as usize;
     let near = |i: usize| &bins[i.saturating_sub(half)..(i + half + 1).min(bins.len())];
     let across = |i: usize| {
         let sides = [0, 1].map(|k| near(i).iter().map(|b| b.across[k]).sum::<f64>());
@@ -91,13 +131,13 @@ pub fn forget_bars(bins: &mut [Bin], config: &LaneConfig) {
     let mut sorted: Vec<f64> = painted.iter().map(|(_, across)| *across).collect();
     sorted.sort_by(f64::total_cmp);
     let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-    let [from_m, to_m] = config.across_m;
+    let [from_m, to_m] = fords.across_m;
     let is_bar = |(i, across): &(usize, f64)| {
         let own = near(*i).iter().map(|b| b.bright).sum::<f64>() / (2.0 * config.half_line_m);
         let density = across / (to_m - from_m);
-        *across >= FEWEST_ACROSS
+        *across >= fords.fewest_across
             && *across > config.least_share_ratio * usual
-            && density > config.largest_across_share * own
+            && density > fords.largest_across_share * own
     };
     let bars: Vec<usize> = painted.iter().filter(|bar| is_bar(bar)).map(|(i, _)| *i).collect();
     for i in bars {

@@ -1,20 +1,40 @@
 //! Where the marks of a dashed line begin and end.
 
 use common::map::LaneKind;
+use serde::{Deserialize, Serialize};
 
 use super::LaneConfig;
 use super::paint::{Paint, between};
 use super::profile::{Bin, Shares, runs};
 
-/// How far around the bin in which a mark ends its end is sought, metres: two
-/// bins, as a bin that is painted in part may be taken for either.
-const SEARCH_M: f64 = 0.5;
-/// Step in which it is sought, metres: a tenth of what the points of one beam
+/// How the marks of dashed lines are measured.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MarkConfig {
+    /// How far around the bin in which a mark ends its end is sought, metres: two
+    /// bins, as a bin that is painted in part may be taken for either.
+    pub search_m: f64,
+    /// Least number of road points within the search before and behind an end:
+    /// with fewer, it lies anywhere between them.
+    pub fewest_points: usize,
+    /// By how much a mark may be longer than the median of its line's, metres:
+    /// machines paint them alike, and what is longer are two, with a gap that was
+    /// not seen. Shorter ones are worn.
+    pub within_m: f64,
+    /// Length of the shortest of them, as a share of the median: what is left
+    /// of a more worn one tells neither of its ends.
+    pub least_length_share: f64,
+}
+
+impl Default for MarkConfig {
+    fn default() -> Self {
+        Self { search_m: 0.5, fewest_points: 3, within_m: 0.5, least_length_share: 0.5 }
+    }
+}
+
+/// Step in which ends are sought, metres: a tenth of what the points of one beam
 /// lie apart along the line.
 const STEP_M: f64 = 0.01;
-/// Least number of road points within the search before and behind an end: with
-/// fewer, it lies anywhere between them.
-const FEWEST_POINTS: usize = 3;
 
 /// The marks along the bins of a dashed line, as stations, metres: each end is
 /// the likeliest border between the share of bright points that paint has and
@@ -44,7 +64,8 @@ pub fn marks(kind: LaneKind, bins: &[Bin], shares: Shares, paint: &Paint, config
         (None, None) => None,
     };
     // Worn marks are shorter, and end where lidar and camera see them end.
-    let is_like = |mark: &[f64; 2]| (0.5 * usual_m..usual_m + config.mark_within_m).contains(&(mark[1] - mark[0]));
+    let lengths_m = config.marks.least_length_share * usual_m..usual_m + config.marks.within_m;
+    let is_like = |mark: &[f64; 2]| lengths_m.contains(&(mark[1] - mark[0]));
     let mut marks: Vec<[f64; 2]> = ends.into_iter().filter_map(mark).filter(is_like).collect();
     marks.dedup_by(|next, before| next[0] <= before[1]);
     marks
@@ -53,7 +74,8 @@ pub fn marks(kind: LaneKind, bins: &[Bin], shares: Shares, paint: &Paint, config
 /// The station around `about_m` at which the share of bright points on a line
 /// most likely changes from the first of `shares` to the second.
 fn border(bin: &Bin, about_m: f64, shares: [f64; 2], paint: &Paint, config: &LaneConfig) -> Option<f64> {
-    let (from_m, to_m) = (about_m - SEARCH_M, about_m + SEARCH_M);
+    let MarkConfig { search_m, fewest_points, .. } = config.marks;
+    let (from_m, to_m) = (about_m - search_m, about_m + search_m);
     let is_on = |offset_m: f64| (offset_m - bin.offset_m).abs() <= config.half_core_m;
     let road = paint.road.near([from_m, to_m], [bin.offset_m - config.half_core_m, bin.offset_m + config.half_core_m]);
     // A bright point is among the road's, too: with it the likelihood of a
@@ -64,7 +86,7 @@ fn border(bin: &Bin, about_m: f64, shares: [f64; 2], paint: &Paint, config: &Lan
         .map(|p| (f64::from(p.station_m), dark[0] - dark[1]))
         .collect();
     let count = |points: &[(f64, f64)], is_before: bool| points.iter().filter(|p| (p.0 < about_m) == is_before).count();
-    if count(&points, true) < FEWEST_POINTS || count(&points, false) < FEWEST_POINTS {
+    if count(&points, true) < fewest_points || count(&points, false) < fewest_points {
         return None;
     }
     let on = between(&paint.bright, from_m, to_m).iter().filter(|p| is_on(p.offset_m));
@@ -73,7 +95,7 @@ fn border(bin: &Bin, about_m: f64, shares: [f64; 2], paint: &Paint, config: &Lan
     points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     // How much likelier all points before a border are under the first share
     // than under the second; the rest is the same for every border.
-    let steps = (2.0 * SEARCH_M / STEP_M).round() as usize;
+    let steps = (2.0 * search_m / STEP_M).round() as usize;
     let (mut best, mut sum_m, mut ties) = (f64::NEG_INFINITY, 0.0, 0.0);
     let (mut next, mut score) = (0, 0.0);
     for step in 0..=steps {

@@ -22,6 +22,8 @@ mod windows;
 pub use chains::Chain;
 pub use config::LaneConfig;
 pub use contrast::{ContrastConfig, Contrasts};
+pub use fords::FordConfig;
+pub use marks::MarkConfig;
 pub use paint::{Paint, PathPoint};
 pub use piece::LanePiece;
 pub use polyline::lines_along;

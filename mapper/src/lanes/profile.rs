@@ -132,7 +132,7 @@ fn fill(bin: &mut Bin, paint: &Paint, half_m: f64, config: &LaneConfig) {
     let bright = between(&paint.bright, from_m, to_m);
     bright.iter().filter_map(|p| part(p.offset_m - offset_m)).for_each(|k| shares[k].bright += 1.0);
     bin.across = [0.0; 2];
-    let [across_from_m, across_to_m] = config.across_m;
+    let [across_from_m, across_to_m] = config.fords.across_m;
     for off_m in bright.iter().map(|p| p.offset_m - offset_m) {
         if (across_from_m..across_to_m).contains(&off_m.abs()) {
             bin.across[usize::from(off_m > 0.0)] += 1.0;
@@ -283,10 +283,6 @@ pub fn runs(bins: &[Bin], config: &LaneConfig) -> Vec<Range<usize>> {
     runs
 }
 
-/// How much larger the distances from a bend may be than those from the bent
-/// chain for the bend to be preferred: the chain has more freedom to follow them.
-const SIMPLER: f64 = 1.1;
-
 /// Offset of the line in each bin: the local line through the painted bins
 /// around it; the window widens over gaps. A wide one has room for the bends of
 /// the line and of the path that it is measured from, so it may bend; and where
@@ -304,7 +300,7 @@ fn smoothed(bins: &[Bin], chain: &Chain, config: &LaneConfig) -> Vec<Option<f64>
         let bent = |w: &f64| {
             let (offset_m, spread_m) = local_bend(&painted, station_m, config.smooth_m * w, fewest)?;
             let (off_m, chain_spread_m) = local_bend(&from_chain, station_m, config.smooth_m * w, fewest)?;
-            let is_simple = spread_m <= SIMPLER * chain_spread_m;
+            let is_simple = spread_m <= config.largest_simple_ratio * chain_spread_m;
             Some(if is_simple { offset_m } else { chain.offset_m(station_m) + off_m })
         };
         straight.or_else(|| [2.0, 4.0, 8.0].iter().find_map(bent))

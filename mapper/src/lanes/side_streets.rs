@@ -35,6 +35,8 @@ pub struct SideConfig {
     /// Least significance of an axis: cells with paint more than beside it,
     /// over the square root of those.
     pub least_significance: f64,
+    /// Most axes in one square: the lines of a street of two lanes.
+    pub most_axes: usize,
     /// Farthest line beside its axis, metres: two lanes.
     pub half_width_m: f64,
     /// Shortest line kept, metres: longer than stop lines, arrows and the
@@ -56,6 +58,7 @@ impl Default for SideConfig {
             thin_m: 0.25,
             fewest_spots: 16,
             least_significance: 6.0,
+            most_axes: 3,
             half_width_m: 7.0,
             shortest_m: 8.0,
             least_contrast: 5.7,
@@ -63,9 +66,6 @@ impl Default for SideConfig {
         }
     }
 }
-
-/// Most axes in one square: a street of two lanes has one more line than these.
-const MOST_AXES: usize = 3;
 
 /// A straight line of paint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -199,7 +199,9 @@ fn axes(spots: &[Point2<f64>], cloud: &Cloud, config: &LaneConfig) -> Vec<Axis> 
         let middle = Point2::new((i + 1) as f64 * edge_m, (k + 1) as f64 * edge_m);
         let path = cloud.place(&Point3::new(middle.x, 0.0, middle.y)).direction;
         let mut axes: Vec<Axis> = Vec::new();
-        while let Some(axis) = (axes.len() < MOST_AXES).then(|| best_axis(&here, &middle, &path, config)).flatten() {
+        while let Some(axis) =
+            (axes.len() < config.side.most_axes).then(|| best_axis(&here, &middle, &path, config)).flatten()
+        {
             here.retain(|p| axis.place_m(p).1.abs() > config.apart_m);
             axes.push(axis);
         }

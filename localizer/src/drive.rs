@@ -132,7 +132,11 @@ impl Drive {
             // Its image is worth having, and not needed.
             Source::Labels(folder) => {
                 let maps = labels::read(folder, frame, expected)?;
-                (maps, if path.is_file() { Some(self.image(frame)?) } else { None })
+                let image = if path.is_file() { Some(self.image(frame)?) } else { None };
+                if let Some(image) = &image {
+                    check_size(&path, (image.width(), image.height()), (maps.width(), maps.height()))?;
+                }
+                (maps, image)
             }
             Source::Networks(networks) => {
                 let image = self.image(frame)?;
@@ -142,9 +146,6 @@ impl Drive {
                 (network::run_all(networks, &image)?, Some(image))
             }
         };
-        if let Some(image) = &image {
-            check_size(&path, (image.width(), image.height()), (maps.width(), maps.height()))?;
-        }
         let maps_ms = started.elapsed().as_secs_f64() * 1e3;
         let started = std::time::Instant::now();
         let features = crate::vision::extract(&maps, image.as_ref(), &self.calibrated(config));

@@ -195,7 +195,8 @@ impl Matcher {
         self.ask(scene, map_from_camera, covariance, Wanted::Both)
     }
 
-    /// The support that [`Self::run`] returns; leaves no matches.
+    /// The support that [`Self::run`] returns, less that of marks; leaves no
+    /// matches.
     pub fn support(&mut self, scene: &Scene<'_>, map_from_camera: &Pose, covariance: &Matrix6<f64>) -> f64 {
         self.ask(scene, map_from_camera, covariance, Wanted::Support)
     }

@@ -253,6 +253,18 @@ impl Ground {
     pub fn row_px(&self, distance_m: f64) -> f64 {
         self.horizon_px + self.focal_px * self.camera_height_m / distance_m
     }
+
+    /// How far ahead what lies on the ground is in this row, metres: the
+    /// inverse of [`Self::row_px`]; rows from one below the horizon up are as
+    /// far as that one.
+    pub fn distance_m(&self, row_px: f64) -> f64 {
+        self.focal_px * self.camera_height_m / self.below_px(row_px)
+    }
+
+    /// How far below the horizon a row is, at least 1 pixel.
+    pub fn below_px(&self, row_px: f64) -> f64 {
+        (row_px - self.horizon_px).max(1.0)
+    }
 }
 
 impl Default for LaneConfig {

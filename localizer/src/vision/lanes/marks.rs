@@ -22,21 +22,39 @@ const BESIDE_M: [f64; 6] = [-0.55, -0.45, -0.35, 0.35, 0.45, 0.55];
 /// its centre points from far to near, at most one per row. Masks end where
 /// little of a line is left to see, so it is followed straight on.
 pub fn edges(image: &Plane, points_px: &[Point2<f64>], ground: &Ground, config: &MarkConfig) -> Vec<MarkEdge> {
-    let scale = ground.focal_px * ground.camera_height_m;
     // Beyond, a row is longer on the ground than half of what is compared.
-    let far_m = (0.5 * config.compare_m * scale).sqrt();
+    let far_m = (0.5 * config.compare_m * ground.focal_px * ground.camera_height_m).sqrt();
     let points_px = prolonged(points_px, image, ground.row_px(far_m), config.direction_px);
     let (Some(far), Some(near)) = (points_px.first(), points_px.last()) else { return Vec::new() };
-    let depth_m = |row_px: f64| scale / (row_px - ground.horizon_px).max(1.0);
-    let (near_m, far_m) = (depth_m(near.y), depth_m(far.y).min(far_m));
+    let (near_m, far_m) = (ground.distance_m(near.y), ground.distance_m(far.y).min(far_m));
     let line = Line { points_px: &points_px, ground };
     let count = ((far_m - near_m) / STEP_M).max(0.0) as u32;
     let places: Vec<Point2<f64>> = (0..count).filter_map(|i| line.at(near_m + f64::from(i) * STEP_M)).collect();
     let contrasts: Vec<f64> = places.iter().map(|at_px| contrast(image, at_px, ground)).collect();
+    let edge = |border: Border| {
+        // Sample k lies in the middle of its step; a border is before its sample.
+        let z_m = near_m + (border.sample - 0.5) * STEP_M;
+        let (at_px, ahead_px) = line.at(z_m).zip(line.at(z_m + STEP_M))?;
+        let px_per_m = (ahead_px - at_px).norm() / STEP_M;
+        let sigma_px = config.sigma_px.hypot(config.sigma_m * px_per_m);
+        Some(MarkEdge { at_px, is_near: border.rises, sigma_px })
+    };
+    borders(&contrasts, config).into_iter().filter_map(edge).collect()
+}
+
+/// Where a profile rises to paint, or falls from it.
+struct Border {
+    /// The sample that it lies before, with a part.
+    sample: f64,
+    rises: bool,
+}
+
+/// The borders of the marks in a profile of contrasts, [`STEP_M`] apart.
+fn borders(contrasts: &[f64], config: &MarkConfig) -> Vec<Border> {
     let half = (config.compare_m / STEP_M).round().max(1.0) as usize;
-    let steps = steps(&contrasts, half);
-    let least = config.least_contrast.max(config.least_share * range(&contrasts));
-    let mut edges = Vec::new();
+    let steps = steps(contrasts, half);
+    let least = config.least_contrast.max(config.least_share * range(contrasts));
+    let mut borders = Vec::new();
     for i in half..(contrasts.len() + 1).saturating_sub(half) {
         let Some(step) = steps.get(i).copied() else { continue };
         let around = steps.get(i - half..(i + half + 1).min(steps.len())).unwrap_or(&[]);
@@ -54,14 +72,9 @@ pub fn edges(image: &Plane, points_px: &[Point2<f64>], ground: &Ground, config: 
         let (before, after) = (beside(i - 1), beside(i + 1));
         let bend = before - 2.0 * step.abs() + after;
         let shift = if bend < -1e-9 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
-        // Sample k lies in the middle of its step; the border is before i.
-        let z_m = near_m + (i as f64 - 0.5 + shift) * STEP_M;
-        let Some((at_px, ahead_px)) = line.at(z_m).zip(line.at(z_m + STEP_M)) else { continue };
-        let px_per_m = (ahead_px - at_px).norm() / STEP_M;
-        let sigma_px = config.sigma_px.hypot(config.sigma_m * px_per_m);
-        edges.push(MarkEdge { at_px, is_near: step > 0.0, sigma_px });
+        borders.push(Border { sample: i as f64 + shift, rises: step > 0.0 });
     }
-    edges
+    borders
 }
 
 /// The points of a line from far to near with a point ahead, in the row
@@ -108,7 +121,7 @@ impl Line<'_> {
 /// levels: the brightest strip as wide as paint near its middle, which the
 /// mask has wrong by some centimetres.
 fn contrast(image: &Plane, at_px: &Point2<f64>, ground: &Ground) -> f64 {
-    let px_per_m = (at_px.y - ground.horizon_px).max(1.0) / ground.camera_height_m;
+    let px_per_m = ground.below_px(at_px.y) / ground.camera_height_m;
     let value = |off_m: f64| brightness(image, at_px.x + off_m * px_per_m, at_px.y);
     let on = ON_M.map(value);
     let brightest = on.windows(3).map(mean).fold(0.0, f64::max);
@@ -163,7 +176,7 @@ mod tests {
         let (width, height) = (1241_usize, 376_usize);
         let mut plane = Plane::zeros(width, height);
         let is_paint = |u: f64, v: f64| {
-            let z = GROUND.focal_px * GROUND.camera_height_m / (v - GROUND.horizon_px);
+            let z = GROUND.distance_m(v);
             let x = (u - 600.0) * z / GROUND.focal_px;
             z > 0.0 && (x + 1.8).abs() < 0.06 && marks_m.iter().any(|[from, to]| (*from..*to).contains(&z))
         };
@@ -178,7 +191,7 @@ mod tests {
         // It is seen from 9 to 17 m.
         let points_px = (250..310)
             .map(|v| {
-                let z = GROUND.focal_px * GROUND.camera_height_m / (f64::from(v) - GROUND.horizon_px);
+                let z = GROUND.distance_m(f64::from(v));
                 // The mask is 4 cm off.
                 Point2::new(600.0 - 1.76 * GROUND.focal_px / z, f64::from(v))
             })

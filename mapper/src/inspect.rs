@@ -145,11 +145,12 @@ pub fn build_text(build: &BuildReport) -> String {
                 r.rms_refined_m,
                 r.rms_given_m,
             );
-            if r.survey_sigma_m > build.config.refine.graph.survey_sigma_m {
+            let given_sigma_m = build.setting("/refine/graph/survey_sigma_m");
+            if let Some(given_sigma_m) = given_sigma_m.filter(|given_sigma_m| r.survey_sigma_m > *given_sigma_m) {
                 let _ = writeln!(
                     out,
-                    "the survey contradicts the scans: its positions count as accurate to {:.2} m, not {:.2} m",
-                    r.survey_sigma_m, build.config.refine.graph.survey_sigma_m,
+                    "the survey contradicts the scans: its positions count as accurate to {:.2} m, not {given_sigma_m:.2} m",
+                    r.survey_sigma_m,
                 );
             }
             let seen = &r.revisits;

@@ -33,8 +33,17 @@ pub struct BuildReport {
     /// is decoded.
     #[serde(default)]
     pub evidence: MapEvidence,
-    /// All settings.
-    pub config: Config,
+    /// All settings, by the names that they had in the version that built the
+    /// map.
+    pub config: serde_json::Value,
+}
+
+impl BuildReport {
+    /// A setting, by its JSON pointer (RFC 6901); none where the version that
+    /// built the map had no such number.
+    pub fn setting(&self, pointer: &str) -> Option<f64> {
+        self.config.pointer(pointer)?.as_f64()
+    }
 }
 
 /// Points of the stitched scans.
@@ -67,6 +76,15 @@ impl ScanCounts {
         self.dropped_not_finite += scan.dropped_not_finite;
         self.dropped_out_of_range += scan.dropped_out_of_range;
     }
+}
+
+/// Settings as a report has them.
+///
+/// # Errors
+/// [`Error::BadReport`] with the path of the report, where they have no JSON
+/// form, which is a fault of [`Config`].
+pub fn settings(map: &Path, config: &Config) -> Result<serde_json::Value> {
+    serde_json::to_value(config).map_err(Error::report(&path_beside(map)))
 }
 
 /// Where the report of a map lies.
@@ -124,7 +142,7 @@ mod tests {
             scans,
             registration: register::Report { vertical_angle_rad: 0.1, ..register::Report::default() },
             evidence: MapEvidence::default(),
-            config: Config::default(),
+            config: settings(Path::new("04.csm"), &Config::default()).unwrap(),
         }
     }
 
@@ -139,6 +157,21 @@ mod tests {
         assert_eq!(read_beside(&map, b"some mop").unwrap(), None);
         std::fs::write(path_beside(&map), "{}").unwrap();
         assert!(read_beside(&map, b"some map").unwrap_err().to_string().contains("04.build.json"));
+    }
+
+    #[test]
+    fn the_report_of_another_version_tells_all_but_unknown_settings() {
+        let folder = tempfile::tempdir().unwrap();
+        let map = folder.path().join("04.csm");
+        let mut written = report(b"some map");
+        written.config = serde_json::json!({ "a_setting_of_then": 3.0 });
+        write_beside(&map, &written).unwrap();
+        let read = read_beside(&map, b"some map").unwrap().unwrap();
+        assert_eq!(
+            (read.setting("/a_setting_of_then"), read.setting("/refine/graph/survey_sigma_m")),
+            (Some(3.0), None)
+        );
+        assert_eq!(read, written);
     }
 
     #[test]

@@ -18,7 +18,7 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::export::CloudFile;
 use crate::inspect::{build_text, count_text, road_length_m};
-use crate::report::{BuildReport, ScanCounts, checksum, write_beside};
+use crate::report::{BuildReport, ScanCounts, checksum, settings, write_beside};
 use crate::{Built, PoseSource, build};
 
 /// Build a map from the scans and the survey of a drive.
@@ -137,7 +137,7 @@ impl Build {
             scans,
             registration: registration.report,
             evidence,
-            config: config.clone(),
+            config: settings(out, config)?,
         };
         write_beside(out, &report)?;
         if let Some(path) = &self.trajectory {

@@ -48,7 +48,22 @@ impl Choice {
         let chosen = |f: &usize| f.is_multiple_of(self.every.max(1)) && (self.first..=self.last).contains(f);
         frames.into_iter().filter(chosen).collect()
     }
+
+    /// What to say of the frames between the chosen ones that should have been
+    /// chosen, too, and have no scan: a copy may have left them out.
+    fn gaps(&self, chosen: &[usize]) -> Option<String> {
+        let (first, last) = (*chosen.first()?, *chosen.last()?);
+        let wanted = (first..=last).step_by(self.every.max(1));
+        let missing: Vec<String> = wanted.filter(|f| chosen.binary_search(f).is_err()).map(|f| f.to_string()).collect();
+        let (shown, rest) = missing.split_at(missing.len().min(MOST_NAMED));
+        let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
+        (!missing.is_empty())
+            .then(|| format!("no scan of frames {}{more}, which were to be stitched", shown.join(", ")))
+    }
 }
+
+/// Most missing frames that are named.
+const MOST_NAMED: usize = 8;
 
 /// The survey of a drive.
 #[derive(Debug, Clone, PartialEq)]
@@ -112,6 +127,7 @@ impl Drive {
         }
         let Survey { map_from_camera, times_s, camera_from_velodyne } = survey;
         Ok(Self {
+            notes: choice.gaps(&frames).into_iter().collect(),
             source,
             frames,
             survey: map_from_camera,
@@ -119,7 +135,6 @@ impl Drive {
             camera_from_velodyne,
             max_range_m,
             deskew: (Deskew::None, 0.0),
-            notes: Vec::new(),
         })
     }
 
@@ -192,5 +207,21 @@ impl Drive {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_that_a_copy_left_out_are_named() {
+        let every_5th = Choice { every: 5, first: 0, last: usize::MAX };
+        assert_eq!(every_5th.gaps(&[]), None);
+        assert_eq!(every_5th.gaps(&[5, 10, 15]), None);
+        let note = every_5th.gaps(&[0, 15, 20, 30]).unwrap();
+        assert!(note.starts_with("no scan of frames 5, 10, 25,"), "{note}");
+        let note = Choice { every: 1, ..every_5th }.gaps(&[0, 11]).unwrap();
+        assert!(note.contains("1, 2, 3, 4, 5, 6, 7, 8 and 2 more"), "{note}");
     }
 }

@@ -25,14 +25,14 @@ pub struct GroundConfig {
     pub thickness_m: f64,
     /// Least share of the driven path under which ground must be seen at the
     /// vehicle's usual height, in the best window of a drive. Real drives show
-    /// it under more than half; under a tenth the axes of scans and poses do
-    /// not belong together.
+    /// it under three quarters and more. Where the axes of scans and poses do
+    /// not belong together, planes that cross the path pass for it under a tenth.
     pub least_under_path: f64,
 }
 
 impl Default for GroundConfig {
     fn default() -> Self {
-        Self { cell_m: 1.0, fewest_points: 4, largest_step_m: 0.3, thickness_m: 0.15, least_under_path: 0.1 }
+        Self { cell_m: 1.0, fewest_points: 4, largest_step_m: 0.3, thickness_m: 0.15, least_under_path: 0.25 }
     }
 }
 

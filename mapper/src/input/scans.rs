@@ -137,6 +137,7 @@ pub fn open_scans(
         notes.push(format!("{without} scans have no pose within {} s and are left out", config.longest_gap_s));
     }
     let mut drive = Drive::new(Source::Scans(folder.into()), &frames, survey, choice, max_range_m)?;
+    // Numbered by their order, they have no gaps but scans without a pose.
     drive.notes = notes;
     Ok(drive)
 }

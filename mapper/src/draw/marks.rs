@@ -70,13 +70,17 @@ pub fn legend_entries(layout: &MapLayout) -> Vec<Entry> {
             .map(Mark::Pole)
             .or_else(|| SignKind::ALL.into_iter().find(|k| k.name() == name).map(Mark::Sign))
             .or_else(|| LaneKind::ALL.into_iter().find(|k| k.name() == name).map(Mark::Lane))
-            .or_else(|| (name == "roads").then_some(Mark::Road));
+            .or_else(|| (name == "roads").then_some(Mark::Road))
+            // They are drawn with their lines.
+            .or_else(|| (name == "marks").then_some(Mark::None));
         match mark {
             Some(mark) if section.items > 0 => {
                 let one = section.items == 1;
                 let what = match (name, one) {
                     ("roads", true) => "stretch of road".into(),
                     ("roads", false) => "stretches of road".into(),
+                    ("marks", true) => "mark of a dashed line".into(),
+                    ("marks", false) => "marks of dashed lines".into(),
                     _ => name.replace('-', " ") + if one { "" } else { "s" },
                 };
                 let text = format!("{} {what}", section.items);

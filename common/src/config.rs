@@ -8,19 +8,99 @@ use std::path::Path;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use toml::de::{DeTable, DeValue};
 
 use crate::{Error, Result};
+
+/// What a number may be: one that decides how much memory or time is taken, or
+/// by which something is divided.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// The setting, with the tables it stands in: `cloud.half_width_m`; with a
+    /// `*` in it all that begin and end so: `poles.*_m`.
+    pub key: &'static str,
+    /// Least value.
+    pub least: f64,
+    /// Largest value.
+    pub most: f64,
+}
+
+/// The limits of a setting.
+pub const fn limits(key: &'static str, least: f64, most: f64) -> Limits {
+    Limits { key, least, most }
+}
+
+impl Limits {
+    fn are_of(&self, key: &str) -> bool {
+        match self.key.split_once('*') {
+            Some((begin, end)) => key.starts_with(begin) && key.ends_with(end),
+            None => key == self.key,
+        }
+    }
+}
 
 /// Reads settings from a TOML file; what it does not say stays at its default.
 ///
 /// # Errors
 /// [`Error::UnknownKey`] with the line and the nearest known key,
-/// [`Error::BadConfig`] for anything else that is wrong in the file,
-/// [`Error::Io`] or [`Error::NotText`] where it cannot be read.
+/// [`Error::BadConfig`] for anything else that is wrong in the file, numbers
+/// that are not finite included, [`Error::Io`] or [`Error::NotText`] where it
+/// cannot be read.
 pub fn load<T: DeserializeOwned + Serialize + Default>(path: impl AsRef<Path>) -> Result<T> {
+    load_within(path, &[])
+}
+
+/// The same, where some numbers have limits: the first of those that are of a
+/// setting.
+///
+/// # Errors
+/// As [`load`], and [`Error::BadConfig`] where one is beyond its limits.
+pub fn load_within<T: DeserializeOwned + Serialize + Default>(path: impl AsRef<Path>, limits: &[Limits]) -> Result<T> {
     let path = path.as_ref();
     let text = crate::text::read(path)?;
-    parse(path, &text)
+    let settings = parse(path, &text)?;
+    let Ok(table) = DeTable::parse(&text) else { return Ok(settings) };
+    check_numbers(table.get_ref(), "", limits).map_err(|(at, message)| Error::BadConfig {
+        path: path.to_path_buf(),
+        line: line_of(&text, at),
+        message,
+    })?;
+    Ok(settings)
+}
+
+/// Whether all numbers of a table are finite and within their limits; else what
+/// is wrong, and at which byte.
+fn check_numbers(table: &DeTable<'_>, prefix: &str, limits: &[Limits]) -> std::result::Result<(), (usize, String)> {
+    for (key, value) in table {
+        let full = format!("{prefix}{}", key.get_ref());
+        if let DeValue::Table(inner) = value.get_ref() {
+            check_numbers(inner, &format!("{full}."), limits)?;
+        }
+        for number in numbers(value.get_ref()) {
+            let limits = limits.iter().find(|limits| limits.are_of(&full));
+            let fault = if !number.is_finite() {
+                format!("`{full}` is {number}, which is no finite number")
+            } else if let Some(Limits { least, most, .. }) = limits.filter(|l| !(l.least..=l.most).contains(&number)) {
+                format!("`{full}` is {number} and has to be from {least} to {most}")
+            } else {
+                continue;
+            };
+            return Err((value.span().start, fault));
+        }
+    }
+    Ok(())
+}
+
+/// The numbers of a value or of an array of them.
+fn numbers(value: &DeValue<'_>) -> Vec<f64> {
+    match value {
+        DeValue::Float(number) => number.as_str().parse().into_iter().collect(),
+        DeValue::Integer(number) => {
+            i64::from_str_radix(number.as_str(), number.radix()).map(|n| n as f64).into_iter().collect()
+        }
+        DeValue::Array(array) => array.iter().flat_map(|value| numbers(value.get_ref())).collect(),
+        _ => Vec::new(),
+    }
 }
 
 /// All settings as TOML, for `--print-config`.
@@ -153,6 +233,28 @@ mod tests {
     fn a_wrong_value_or_broken_toml_names_the_line() {
         assert!(message("every = 3\n[poles]\nradius_m = 'wide'").starts_with("a.toml:3: "));
         assert!(message("every = 3\n[poles\n").starts_with("a.toml:2: "));
+    }
+
+    #[test]
+    fn a_number_beyond_its_limits_or_not_finite_names_the_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.toml");
+        let said = |text: &str| {
+            std::fs::write(&file, text).unwrap();
+            let read = load_within::<Settings>(
+                &file,
+                &[limits("poles.*_m", 0.01, 10.0), limits("poles.radius_m", 3.0, 3.0), limits("every", 1.0, 100.0)],
+            );
+            read.map_err(|e| e.to_string())
+        };
+        assert!(said("every = 1\n[poles]\nradius_m = 10.0\n").is_ok());
+        assert!(
+            said("every = 3\n[poles]\nradius_m = 1_000.0\n")
+                .unwrap_err()
+                .contains("a.toml:3: `poles.radius_m` is 1000 and has to be from 0.01 to 10")
+        );
+        assert!(said("every = 0\n").unwrap_err().contains("a.toml:1: `every` is 0"));
+        assert!(said("[poles]\nradius_m = nan\n").unwrap_err().contains("a.toml:2: `poles.radius_m` is NaN"));
     }
 
     #[test]

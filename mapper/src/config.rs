@@ -1,10 +1,14 @@
 //! Settings of `mapper build`.
 
+use std::path::Path;
+
+use common::config::{Limits, limits, load_within};
 use common::map::EncodeOptions;
 use serde::{Deserialize, Serialize};
 
 use crate::budget::BudgetConfig;
 use crate::cloud::CloudConfig;
+use crate::error::Result;
 use crate::evidence::EvidenceConfig;
 use crate::fuse::FuseConfig;
 use crate::ground::GroundConfig;
@@ -48,6 +52,54 @@ pub struct Config {
     pub budget: BudgetConfig,
 }
 
+/// What the numbers of [`Config`] may be. Resolutions are no finer than a tenth
+/// of their defaults and extents no larger than some times theirs: memory grows
+/// with the square of both.
+pub const LIMITS: &[Limits] = &[
+    limits("quantum_m", 0.001, 1.0),
+    limits("cloud.half_width_m", 1.0, 200.0),
+    limits("cloud.beyond_m", 0.0, 500.0),
+    limits("cloud.*_m", 0.0, 1000.0),
+    limits("refine.*voxel_m", 0.05, 10.0),
+    limits("refine.*step_m", 0.05, 10.0),
+    limits("refine.*spacing_m", 0.5, 1000.0),
+    limits("refine.*reach_m", 0.0, 20.0),
+    limits("refine.*_m", 0.0, 10_000.0),
+    limits("ground.cell_m", 0.1, 20.0),
+    limits("roads.length_m", 5.0, 1000.0),
+    limits("roads.*_m", 0.0, 10_000.0),
+    limits("poles.column_m", 0.02, 1.0),
+    limits("poles.slice_m", 0.02, 2.0),
+    limits("poles.*_m", 0.0, 60.0),
+    limits("signs.*_m", 0.0, 60.0),
+    limits("lanes.window_m", 2.0, 200.0),
+    limits("lanes.*step_m", 0.1, 200.0),
+    limits("lanes.*bin_m", 0.05, 10.0),
+    limits("lanes.profile_m", 0.025, 5.0),
+    limits("lanes.half_line_m", 0.02, 2.0),
+    limits("lanes.fords.cell_m", 0.02, 2.0),
+    limits("lanes.side.thin_m", 0.02, 2.0),
+    limits("lanes.side.most_axes", 0.0, 20.0),
+    limits("lanes.*_m", 0.0, 1000.0),
+    limits("evidence.slice_m", 0.01, 2.0),
+    limits("evidence.piece_m", 0.1, 200.0),
+    limits("evidence.*_m", 0.0, 100.0),
+    limits("fuse.lane_step_m", 0.1, 50.0),
+    limits("fuse.*_m", 0.0, 100.0),
+    limits("budget.place_step_m", 0.5, 1000.0),
+    limits("budget.*_m", 0.0, 1000.0),
+];
+
+impl Config {
+    /// The settings of a file, or the defaults.
+    ///
+    /// # Errors
+    /// As [`common::config::load_within`].
+    pub fn load(path: Option<&Path>) -> Result<Self> {
+        Ok(path.map_or_else(|| Ok(Self::default()), |path| load_within(path, LIMITS))?)
+    }
+}
+
 impl Default for Config {
     fn default() -> Self {
         Self {
@@ -64,6 +116,25 @@ impl Default for Config {
             evidence: EvidenceConfig::default(),
             fuse: FuseConfig::default(),
             budget: BudgetConfig::default(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_are_within_their_limits_and_every_limit_is_of_a_setting() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("all.toml");
+        std::fs::write(&file, common::config::to_toml(&Config::default()).unwrap()).unwrap();
+        let read: Config = load_within(&file, LIMITS).unwrap();
+        assert_eq!(read, Config::default());
+        // None is within a limit that ends below where it begins.
+        for wanted in LIMITS {
+            let none = [limits(wanted.key, 1.0, 0.0)];
+            assert!(load_within::<Config>(&file, &none).is_err(), "{}", wanted.key);
         }
     }
 }

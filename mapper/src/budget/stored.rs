@@ -33,7 +33,7 @@ impl Stored {
     /// # Errors
     /// A file that cannot be read or is not what it should be.
     pub fn read(path: &Path, settings: Option<&Path>) -> Result<Self> {
-        let settings: Config = settings.map_or_else(|| Ok(Config::default()), common::config::load)?;
+        let settings = Config::load(settings)?;
         let bytes = std::fs::read(path).map_err(common::Error::io(path))?;
         let (map, layout) = decode_with_layout(&bytes).map_err(common::Error::in_file(path))?;
         let report = read_beside(path, &bytes)?;

@@ -74,7 +74,7 @@ struct Summary<'a> {
 impl Build {
     /// Runs the command.
     pub fn run(&self) -> Result<Outcome> {
-        let config: Config = self.config.as_ref().map_or_else(|| Ok(Config::default()), config::load)?;
+        let config = Config::load(self.config.as_deref())?;
         // The command line lets it be absent with --print-config only.
         if let Some(out) = self.out.as_deref().filter(|_| !self.print_config) {
             let threads = self.threads.unwrap_or(0) as usize;

@@ -346,7 +346,7 @@ pub(super) fn lowest_layer_m(heights: &[f64], thickness_m: f64, fewest: usize) -
 
 fn layer(heights: &[f64], from: usize, thickness_m: f64) -> &[f64] {
     let end = heights.partition_point(|h| *h < heights[from] + thickness_m);
-    &heights[from..end]
+    heights.get(from..end).unwrap_or(&[])
 }
 
 /// Place of a point above the ground plane.

@@ -19,6 +19,7 @@ pub mod error;
 pub mod geometry;
 pub mod kitti;
 pub mod map;
+pub mod output;
 mod text;
 pub mod trajectory;
 

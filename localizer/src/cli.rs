@@ -55,7 +55,7 @@ impl ConfigArgs {
             None => Config::default(),
         };
         if self.print_config {
-            print!("{}", common::config::to_toml(&config)?);
+            common::output::print(&common::config::to_toml(&config)?);
             return Ok(None);
         }
         Ok(Some(config))

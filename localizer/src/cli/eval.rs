@@ -47,9 +47,9 @@ pub fn execute(args: &EvalArgs) -> Result<bool> {
     })?;
     if args.json {
         let text = serde_json::to_string_pretty(&report).map_err(|e| Error::Json { message: e.to_string() })?;
-        println!("{text}");
+        common::say!("{text}");
     } else {
-        print!("{}", table(&report));
+        common::output::print(&table(&report));
     }
     Ok(true)
 }

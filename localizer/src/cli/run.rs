@@ -83,7 +83,7 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
         }
     }
     let count = |status| results.iter().filter(|r| r.estimate.status == status).count();
-    println!(
+    common::say!(
         "{} frames localized: {} ok, {} degraded, {} lost; written to {}",
         results.len(),
         count(Status::Ok),
@@ -92,9 +92,11 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
         out.display()
     );
     if let Some(usage) = read_of_atlas {
-        println!(
+        common::say!(
             "{} tiles of the atlas read ({} bytes with the index), at most {} held",
-            usage.tiles_read, usage.bytes_read, usage.most_held
+            usage.tiles_read,
+            usage.bytes_read,
+            usage.most_held
         );
     }
     Ok(true)

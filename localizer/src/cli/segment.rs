@@ -53,6 +53,6 @@ pub fn execute(args: &SegmentArgs) -> Result<bool> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    println!("{} frames written to {}", drive.frames.len(), args.out.display());
+    common::say!("{} frames written to {}", drive.frames.len(), args.out.display());
     Ok(true)
 }

@@ -41,24 +41,24 @@ pub fn execute(args: &TrialArgs) -> Result<bool> {
     let mut input = args.input.read(&config, |_, _, _| Ok(()))?;
     let truth = args.input.true_poses(&input.drive)?;
     let methods = args.method.map_or_else(|| vec![Method::Robust, Method::Paper], |method| vec![method]);
-    println!(
+    common::say!(
         "{} frames, {} GPS starts ({} m, {} degrees)",
         input.frames.len(),
         args.draws,
         config.gps.horizontal_sigma_m,
         config.gps.heading_sigma_deg
     );
-    println!("{HEADER}");
+    common::say!("{HEADER}");
     for method in methods {
         let mut draws = Vec::new();
         for seed in 0..args.draws {
             let draw = localize_once(&mut input, &truth, method, &config, seed)?;
             if args.each {
-                println!("{}", row(&format!("{} {seed}", name(method)), std::slice::from_ref(&draw)));
+                common::say!("{}", row(&format!("{} {seed}", name(method)), std::slice::from_ref(&draw)));
             }
             draws.push(draw);
         }
-        println!("{}", row(name(method), &draws));
+        common::say!("{}", row(name(method), &draws));
     }
     Ok(true)
 }

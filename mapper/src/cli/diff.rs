@@ -17,11 +17,11 @@ use crate::error::Result;
 #[derive(Debug, Args)]
 pub struct Diff {
     /// The map before.
-    #[arg(value_name = "OLD.csm")]
-    old: PathBuf,
+    #[arg(value_name = "OLD.csm", required_unless_present = "print_config")]
+    old: Option<PathBuf>,
     /// The map after.
-    #[arg(value_name = "NEW.csm")]
-    new: PathBuf,
+    #[arg(value_name = "NEW.csm", required_unless_present = "print_config")]
+    new: Option<PathBuf>,
     /// What has not moved by more than this is where it was, metres [default:
     /// 0.1, what two builds of one drive differ by].
     #[arg(long, value_name = "M")]
@@ -29,6 +29,9 @@ pub struct Diff {
     /// Settings that differ from the defaults, as TOML.
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
+    /// Print all settings as TOML and end.
+    #[arg(long)]
+    print_config: bool,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -39,7 +42,12 @@ impl Diff {
     pub fn run(&self) -> Result<Outcome> {
         let mut config: DiffConfig = self.config.as_ref().map_or_else(|| Ok(DiffConfig::default()), config::load)?;
         config.same_m = self.same.unwrap_or(config.same_m);
-        let diff = MapDiff::of(&common::map::read(&self.old)?, &common::map::read(&self.new)?, &config);
+        // The command line lets them be absent with --print-config only.
+        let Some((old, new)) = self.old.as_ref().zip(self.new.as_ref()).filter(|_| !self.print_config) else {
+            print(&config::to_toml(&config)?);
+            return Ok(Outcome::Done);
+        };
+        let diff = MapDiff::of(&common::map::read(old)?, &common::map::read(new)?, &config);
         if self.json {
             print_json(&diff)?;
         } else {

@@ -18,6 +18,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
+use common::output::print;
 
 use crate::error::Result;
 
@@ -134,12 +135,6 @@ where
             ExitCode::from(USAGE)
         }
     }
-}
-
-/// Prints to the standard output. A reader that went away (`mapper ascii ..
-/// | head`) is no error.
-fn print(text: &str) {
-    let _ = std::io::stdout().write_all(text.as_bytes());
 }
 
 /// Prints a value as JSON.

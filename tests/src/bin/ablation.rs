@@ -33,13 +33,13 @@ fn run(arguments: &Arguments) -> Outcome {
     let whole = arguments.fault.applied(&clean, arguments.of.look.seed).trial;
     let steps = if arguments.only.is_empty() { Step::value_variants() } else { &arguments.only };
     if !arguments.of.json {
-        println!(
+        common::say!(
             "{} frames, GPS start {}, fault {}",
             whole.frames.len(),
             arguments.of.look.seed,
             arguments.fault.name()
         );
-        println!("{HEADER}");
+        common::say!("{HEADER}");
     }
     let mut rows = Vec::new();
     for &step in steps {
@@ -48,15 +48,15 @@ fn run(arguments: &Arguments) -> Outcome {
             rows.push(row);
             continue;
         }
-        println!("{}", line(&row));
+        common::say!("{}", line(&row));
         if arguments.of.list {
             for stretch in stretches(&row.figures.hazards) {
-                println!("    {stretch}");
+                common::say!("    {stretch}");
             }
         }
     }
     if arguments.of.json {
-        println!("{}", serde_json::to_string_pretty(&rows)?);
+        common::say!("{}", serde_json::to_string_pretty(&rows)?);
     }
     Ok(())
 }

@@ -51,13 +51,13 @@ fn run(arguments: &Arguments) -> Outcome {
     let stored = Stored::read(&arguments.map, arguments.config.as_deref())?;
     let whole = stored.known();
     let seen = look(arguments)?;
-    println!(
+    common::say!(
         "{}: {} bytes; errors of {} starts, metres and degrees",
         arguments.map.display(),
         stored.bytes,
         arguments.starts
     );
-    println!(
+    common::say!(
         "{:>6} {:>10} {:>6} {:>14} {:>7} | expected {:>5} {:>7} {:>5} | measured {:>5} {:>7} {:>5} {:>6} {:>6} {:>7}",
         "bytes",
         "kept",
@@ -78,7 +78,7 @@ fn run(arguments: &Arguments) -> Outcome {
         let reduced = match reduce(whole, budget, &stored.config) {
             Ok(reduced) => reduced,
             Err(error) => {
-                println!("{budget:>6} {error}");
+                common::say!("{budget:>6} {error}");
                 continue;
             }
         };
@@ -120,7 +120,7 @@ fn row(
         || format!("{:>14} {:>7} {:>5}", "", "", ""),
         |p| format!("{:>14.3} {:>7.3} {:>5.3}", p.position_rms_m, p.lateral_m.median, p.longitudinal_m.median),
     );
-    println!(
+    common::say!(
         "{budget:>6} {name:>10} {used:>6} {counts:>14} {quantum_m:>7} | {expected} | {:>14.3} {:>7.3} {:>5.3} {:>6.2} {:>6.2} {:>7.3}",
         measured.position_m,
         measured.lateral_m,

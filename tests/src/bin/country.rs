@@ -82,7 +82,7 @@ fn make(map: &Path, km: f64, spacing_m: f64, out: &Path) -> common::Result<()> {
         builder.add(&moved, layout.quantum_m)?;
     }
     let summary = builder.write(None)?;
-    println!(
+    common::say!(
         "{copies} copies, {:.0} km: {} bytes in {} tiles, {} levels; {:.1} s, peak memory {:.1} MB",
         road_m / 1e3,
         summary.bytes,
@@ -108,9 +108,15 @@ fn measure(path: &Path, places: usize, drive_km: f64) -> localizer::Result<()> {
         opening_bytes = atlas.bytes_read();
     }
     let summary = Atlas::open(path)?.summary();
-    println!("{}: {} bytes, {} tiles, {} levels", path.display(), summary.bytes, summary.counts.tiles, summary.levels);
-    println!("opening: {}; {opening_bytes} bytes read", times(opening_us));
-    println!("peak memory over that of the program: {:.2} MB after opening", peak_mb() - at_rest_mb);
+    common::say!(
+        "{}: {} bytes, {} tiles, {} levels",
+        path.display(),
+        summary.bytes,
+        summary.counts.tiles,
+        summary.levels
+    );
+    common::say!("opening: {}; {opening_bytes} bytes read", times(opening_us));
+    common::say!("peak memory over that of the program: {:.2} MB after opening", peak_mb() - at_rest_mb);
 
     let Some(bounds) = summary.bounds else { return Ok(()) };
     let size = bounds.max_map - bounds.min_map;
@@ -134,7 +140,7 @@ fn measure(path: &Path, places: usize, drive_km: f64) -> localizer::Result<()> {
     }
     let with_roads = start_us.len();
     let mean = |sum: f64| sum / with_roads.max(1) as f64;
-    println!(
+    common::say!(
         "opening and what is within {reach_m} m, at the {with_roads} of {places} places that have roads: {}; {:.1} tiles, {:.0} bytes read on average",
         times(start_us),
         mean(tiles as f64),
@@ -151,12 +157,14 @@ fn measure(path: &Path, places: usize, drive_km: f64) -> localizer::Result<()> {
         frame_us.push(started.elapsed().as_secs_f64() * 1e6);
     }
     let (frames, usage) = (frame_us.len(), local.usage().unwrap_or_default());
-    println!("a drive of {drive_km} km, {frames} frames of {step_m} m: {} per frame", times(frame_us));
-    println!(
+    common::say!("a drive of {drive_km} km, {frames} frames of {step_m} m: {} per frame", times(frame_us));
+    common::say!(
         "  {} tiles and {} bytes read, at most {} tiles held",
-        usage.tiles_read, usage.bytes_read, usage.most_held
+        usage.tiles_read,
+        usage.bytes_read,
+        usage.most_held
     );
-    println!("peak memory over that of the program: {:.2} MB at the end", peak_mb() - at_rest_mb);
+    common::say!("peak memory over that of the program: {:.2} MB at the end", peak_mb() - at_rest_mb);
     Ok(())
 }
 

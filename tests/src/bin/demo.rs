@@ -36,13 +36,13 @@ fn main() -> ExitCode {
     }
     let files = Files::within(&arguments.out);
     for step in steps(&files, arguments.frames) {
-        println!("\n{}\n$ {}", step.title, step.command_line());
+        common::say!("\n{}\n$ {}", step.title, step.command_line());
         let code = step.run();
         if code != ExitCode::SUCCESS {
             return code;
         }
     }
-    println!(
+    common::say!(
         "\nDone in {:.0} s.\n  {}  the map\n  {}  its picture\n  {}  the trajectory: KITTI, TUM, CSV with covariances",
         started.elapsed().as_secs_f64(),
         files.map,

@@ -31,8 +31,8 @@ fn run(arguments: &Arguments) -> Outcome {
     let seed = arguments.of.look.seed;
     let faults = if arguments.only.is_empty() { Fault::value_variants() } else { &arguments.only };
     if !arguments.of.json {
-        println!("{} frames, GPS start {seed}", clean.frames.len());
-        println!("{HEADER}");
+        common::say!("{} frames, GPS start {seed}", clean.frames.len());
+        common::say!("{HEADER}");
     }
     let mut rows = Vec::new();
     for &fault in faults {
@@ -41,15 +41,15 @@ fn run(arguments: &Arguments) -> Outcome {
             rows.push(row);
             continue;
         }
-        println!("{}", line(&row));
+        common::say!("{}", line(&row));
         if arguments.of.list {
             for stretch in stretches(&row.figures.hazards) {
-                println!("    {stretch}");
+                common::say!("    {stretch}");
             }
         }
     }
     if arguments.of.json {
-        println!("{}", serde_json::to_string_pretty(&rows)?);
+        common::say!("{}", serde_json::to_string_pretty(&rows)?);
     }
     Ok(())
 }

@@ -44,6 +44,6 @@ fn run(arguments: &Arguments) -> Outcome {
     atomic_file::write(out.join("iterations.csv"), matched.iterations().as_bytes())?;
     atomic_file::write(out.join("errors.csv"), errors(&results, &trial.errors(&results)).as_bytes())?;
     atomic_file::write(out.join("terrain.csv"), matched.terrain().as_bytes())?;
-    println!("{} frames, frame {frame} looked at; written to {}", results.len(), out.display());
+    common::say!("{} frames, frame {frame} looked at; written to {}", results.len(), out.display());
     Ok(())
 }

@@ -32,11 +32,15 @@ fn run(arguments: &Arguments) -> Outcome {
     })?;
     let (truth, exact) = arguments.of.truth()?;
     let built = read_poses(&arguments.trajectory)?;
-    println!("{:20} {:>6} {:>9} {:>9} {:>7} {:>7}", "", "number", "RMS, m", "said, m", "ratio", "median");
+    common::say!("{:20} {:>6} {:>9} {:>9} {:>7} {:>7}", "", "number", "RMS, m", "said, m", "ratio", "median");
     for (name, found) in score(&map, &evidence, &truth, &built, &exact) {
-        println!(
+        common::say!(
             "{name:20} {:>6} {:>9.3} {:>9.3} {:>7.2} {:>7.2}",
-            found.count, found.rms_m, found.said_m, found.ratio, found.median_ratio
+            found.count,
+            found.rms_m,
+            found.said_m,
+            found.ratio,
+            found.median_ratio
         );
     }
     Ok(())

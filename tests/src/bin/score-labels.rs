@@ -30,7 +30,7 @@ fn main() -> ExitCode {
 fn run(Arguments { of, within }: &Arguments) -> Outcome {
     let (map, trajectory) = of.read()?;
     let labelled = read(&Sequence::open(&of.kitti, &of.sequence)?, &trajectory)?;
-    println!("{}: within {within} m of {} labelled frames", of.map.display(), labelled.frames.len());
+    common::say!("{}: within {within} m of {} labelled frames", of.map.display(), labelled.frames.len());
     print(&score(&map, &labelled, *within));
     Ok(())
 }
@@ -44,26 +44,34 @@ fn print(score: &LabelScore) {
     for landmark in &score.landmarks {
         by_kind.entry(&landmark.kind).or_default().push(landmark);
     }
-    println!("{:14} {:>9} {:>8} {:>16} {:>16}", "", "landmarks", "points", "with its label", "mostly its label");
+    common::say!("{:14} {:>9} {:>8} {:>16} {:>16}", "", "landmarks", "points", "with its label", "mostly its label");
     for (kind, landmarks) in &by_kind {
         let points: usize = landmarks.iter().map(|l| l.points).sum();
         let right: usize = landmarks.iter().map(|l| l.right).sum();
         let mostly = landmarks.iter().filter(|l| is_right(l)).count();
         let share = right as f64 / points.max(1) as f64;
-        println!("{kind:14} {:9} {points:8} {share:16.3} {mostly:16}", landmarks.len());
+        common::say!("{kind:14} {:9} {points:8} {share:16.3} {mostly:16}", landmarks.len());
     }
     let found = score.poles.iter().filter(|pole| pole.is_found).count();
-    println!("labelled poles found: {found} of {}", score.poles.len());
+    common::say!("labelled poles found: {found} of {}", score.poles.len());
     for pole in score.poles.iter().filter(|pole| !pole.is_found) {
-        println!(
+        common::say!(
             "missed x {:7.2}  z {:7.2}  {} points labelled as pole, {:.1} m high",
-            pole.at.x, pole.at.y, pole.points, pole.height_m
+            pole.at.x,
+            pole.at.y,
+            pole.points,
+            pole.height_m
         );
     }
     for landmark in score.landmarks.iter().filter(|l| !is_right(l)) {
-        println!(
+        common::say!(
             "wrong  x {:7.2}  z {:7.2}  {}: {} of {} points have its label, most have {}",
-            landmark.at.x, landmark.at.y, landmark.kind, landmark.right, landmark.points, landmark.mostly
+            landmark.at.x,
+            landmark.at.y,
+            landmark.kind,
+            landmark.right,
+            landmark.points,
+            landmark.mostly
         );
     }
 }

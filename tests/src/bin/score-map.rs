@@ -44,30 +44,30 @@ fn run(arguments: &Arguments) -> Outcome {
 }
 
 fn print(score: &MapScore, arguments: &Arguments) {
-    println!("{} within {} m of the path", arguments.of.map.display(), arguments.within);
-    println!("{:14} {:>7} {:>9} {:>8} {:>10}  ", "", "recall", "precision", "true", "off, m RMS");
+    common::say!("{} within {} m of the path", arguments.of.map.display(), arguments.within);
+    common::say!("{:14} {:>7} {:>9} {:>8} {:>10}  ", "", "recall", "precision", "true", "off, m RMS");
     let row = |name: &str, found: &Found, unit: &str| {
         let (recall, precision) = (found.recall(), found.precision());
-        println!("{name:14} {recall:7.3} {precision:9.3} {:8.0} {:10.3}  {unit}", found.wanted, found.off_m);
+        common::say!("{name:14} {recall:7.3} {precision:9.3} {:8.0} {:10.3}  {unit}", found.wanted, found.off_m);
     };
     row("poles", &score.poles, "feet, from above");
     row("signs", &score.signs, "centroids");
     row("lights", &score.lights, "centroids");
     row("lanes", &score.lanes, "across; true: metres");
     row("marks", &score.marks, "the worse end of each, of dashed lines");
-    println!(
+    common::say!(
         "poles: feet {:.3} m RMS in height, tilt {:.2} degrees RMS",
         score.foot_height_m,
         score.tilt_rad.to_degrees()
     );
-    println!("lanes: {:.3} of the found length solid or dashed as it is", score.lane_kinds);
+    common::say!("lanes: {:.3} of the found length solid or dashed as it is", score.lane_kinds);
     if arguments.list {
         for pole in &score.missed {
             let [x, _, z] = pole.foot_map_m;
-            println!("missed x {x:8.2}  z {z:8.2}  {}", pole.kind);
+            common::say!("missed x {x:8.2}  z {z:8.2}  {}", pole.kind);
         }
         for pole in &score.wrong {
-            println!("wrong  x {:8.2}  z {:8.2}  {}", pole.foot_map.x, pole.foot_map.z, pole.kind.name());
+            common::say!("wrong  x {:8.2}  z {:8.2}  {}", pole.foot_map.x, pole.foot_map.z, pole.kind.name());
         }
     }
 }

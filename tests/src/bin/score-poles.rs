@@ -30,7 +30,7 @@ fn run(Arguments { of }: &Arguments) -> Outcome {
 
 fn print(score: &Score, map: &common::map::SemanticMap, path: &Path) {
     let found = score.found.len();
-    println!(
+    common::say!(
         "{}: within {BESIDE_PATH_M} m of the path, one-to-one within {WITHIN_M} m:\n\
          recall    {:.3} ({found} of {} reference poles)\n\
          precision {:.3} ({found} of {} poles of the map)",
@@ -41,10 +41,10 @@ fn print(score: &Score, map: &common::map::SemanticMap, path: &Path) {
         found + score.wrong.len(),
     );
     for missed in &score.missed {
-        println!("missed    x {:7.2}  z {:7.2}  row {} of the reference", missed.at.x, missed.at.y, missed.row + 1);
+        common::say!("missed    x {:7.2}  z {:7.2}  row {} of the reference", missed.at.x, missed.at.y, missed.row + 1);
     }
     for pole in score.wrong.iter().map(|&i| &map.poles[i]) {
         let foot = pole.foot_map;
-        println!("not in it x {:7.2}  z {:7.2}  {} of {:.1} m", foot.x, foot.z, pole.kind.name(), pole.length_m());
+        common::say!("not in it x {:7.2}  z {:7.2}  {} of {:.1} m", foot.x, foot.z, pole.kind.name(), pole.length_m());
     }
 }

@@ -1,6 +1,8 @@
 //! Settings are printed as they are read, and what a build did can be read by
 //! a program.
 
+use std::process::{Command, Stdio};
+
 use common::kitti::{ScanPoint, write_scan};
 
 use crate::support::{build, plain, run, text};
@@ -13,6 +15,7 @@ fn printed_settings_can_be_given_back() {
         ("mapper", "build"),
         ("mapper", "merge"),
         ("mapper", "validate"),
+        ("mapper", "diff"),
         ("localizer", "run"),
         ("localizer", "trial"),
         ("fixtures", "generate"),
@@ -21,6 +24,19 @@ fn printed_settings_can_be_given_back() {
         std::fs::write(&file, &printed).unwrap();
         let again = run(program, &[command, "--print-config", "--config", text(&file)]).ok();
         assert_eq!(printed, again);
+    }
+}
+
+#[test]
+fn a_reader_that_is_gone_is_no_fault() {
+    let programs: [&[&str]; 3] =
+        [&["mapper", "build", "--print-config"], &["localizer", "run", "--print-config"], &["fixtures", "worlds"]];
+    for words in programs {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_tool"));
+        let mut running = program.args(words).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        drop(running.stdout.take());
+        let ended = running.wait_with_output().unwrap();
+        assert!(ended.status.success() && ended.stderr.is_empty(), "{words:?}: {ended:?}");
     }
 }
 

@@ -163,4 +163,5 @@ fn marks_tell_how_far_along_the_line_the_camera_is_up_to_a_dash_and_a_gap() {
     let (_, off_px) = marks_at(&mut matcher, 0.0, 0.4).unwrap();
     assert!(off_px.abs() < 1e-6, "{off_px}");
     assert_eq!(marks_at(&mut matcher, 0.3, 6.0), None, "one dash further on looks the same");
+    assert!(matcher.matches.iter().any(|found| found.landmark == LandmarkId::Lane(0)), "the line itself does not");
 }

@@ -99,6 +99,12 @@ fn two_visits_with_surveys_a_metre_apart_make_one_map_without_doubles() {
         b.poles
     );
     assert!(both.lanes.recall() >= a.lanes.recall().max(b.lanes.recall()) - 0.01, "{:?}", both.lanes);
+    // A mark that only one visit saw stays, one that both saw is one.
+    let marks = [&a.marks, &b.marks, &both.marks];
+    assert!(both.marks.recall() >= a.marks.recall().max(b.marks.recall()), "{marks:?}");
+    assert!(both.marks.precision() >= a.marks.precision().min(b.marks.precision()) - 0.05, "{marks:?}");
+    // The visits are aligned along the road to some centimetres.
+    assert!(both.marks.off_m <= a.marks.off_m.max(b.marks.off_m) + 0.03, "{marks:?}");
 }
 
 #[test]

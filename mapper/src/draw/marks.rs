@@ -43,6 +43,9 @@ pub fn lane_stroke(kind: LaneKind) -> &'static str {
     }
 }
 
+/// How a mark of a dashed line is drawn, over the line.
+pub const MARK_STROKE: &str = "fill=\"none\" stroke-width=\"3\"";
+
 /// What the legend says about one section of the file.
 pub struct Entry {
     mark: Mark,
@@ -56,6 +59,7 @@ enum Mark {
     Pole(PoleKind),
     Sign(SignKind),
     Lane(LaneKind),
+    Dash,
 }
 
 /// One entry for every section that holds something; head and checksum last.
@@ -71,16 +75,15 @@ pub fn legend_entries(layout: &MapLayout) -> Vec<Entry> {
             .or_else(|| SignKind::ALL.into_iter().find(|k| k.name() == name).map(Mark::Sign))
             .or_else(|| LaneKind::ALL.into_iter().find(|k| k.name() == name).map(Mark::Lane))
             .or_else(|| (name == "roads").then_some(Mark::Road))
-            // They are drawn with their lines.
-            .or_else(|| (name == "marks").then_some(Mark::None));
+            .or_else(|| (name == "marks").then_some(Mark::Dash));
         match mark {
             Some(mark) if section.items > 0 => {
                 let one = section.items == 1;
                 let what = match (name, one) {
                     ("roads", true) => "stretch of road".into(),
                     ("roads", false) => "stretches of road".into(),
-                    ("marks", true) => "mark of a dashed line".into(),
-                    ("marks", false) => "marks of dashed lines".into(),
+                    ("marks", true) => "mark".into(),
+                    ("marks", false) => "marks".into(),
                     _ => name.replace('-', " ") + if one { "" } else { "s" },
                 };
                 let text = format!("{} {what}", section.items);
@@ -103,6 +106,7 @@ pub fn legend(out: &mut String, entry: &Entry, at: &Point2<f64>) {
         Mark::None => String::new(),
         Mark::Road => bar("road", "stroke-width=\"8\" stroke-opacity=\".25\""),
         Mark::Lane(kind) => bar(kind.name(), lane_stroke(kind)),
+        Mark::Dash => bar(LaneKind::Dashed.name(), MARK_STROKE),
         Mark::Pole(kind) => format!("<g class=\"{}\">{}</g>", kind.name(), pole_mark(kind, at, size)),
         Mark::Sign(kind) => format!("<g class=\"{}\">{}</g>", kind.name(), sign_mark(kind, at, size)),
     };

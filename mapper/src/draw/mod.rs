@@ -5,10 +5,10 @@ mod view;
 
 use std::fmt::Write as _;
 
-use common::map::{LaneKind, MapLayout, PoleKind, SemanticMap, SignKind};
+use common::map::{LaneKind, LaneLine, MapLayout, PoleKind, SemanticMap, SignKind};
 use nalgebra::{Point2, Vector2};
 
-use marks::{lane_stroke, legend, legend_entries, pole_mark, sign_mark};
+use marks::{MARK_STROKE, lane_stroke, legend, legend_entries, pole_mark, sign_mark};
 use view::View;
 
 /// Width of the picture, pixels: that of a page on GitHub.
@@ -136,6 +136,14 @@ fn lanes(out: &mut String, map: &SemanticMap, view: &View) {
         }
         out.push_str("</g>\n");
     }
+    let mut marks = map.lanes.iter().flat_map(LaneLine::marks_map).peekable();
+    if marks.peek().is_some() {
+        let _ = write!(out, "<g class=\"{}\" {MARK_STROKE}>", LaneKind::Dashed.name());
+        for mark in marks {
+            let _ = write!(out, "<path d=\"{}\"/>", view.path(&mark));
+        }
+        out.push_str("</g>\n");
+    }
 }
 
 fn points(out: &mut String, map: &SemanticMap, view: &View) {
@@ -166,7 +174,7 @@ fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use common::map::{EncodeOptions, LaneLine, Pole, Road, RoadId, Sign, layout};
+    use common::map::{EncodeOptions, Pole, Road, RoadId, Sign, layout};
     use nalgebra::{Point3, Vector3};
 
     fn picture(map: &SemanticMap) -> String {
@@ -190,7 +198,7 @@ mod tests {
                 kind: LaneKind::Dashed,
                 points_map: vec![at(-2.0, 0.0), at(-2.0, 90.0)],
                 road,
-                marks_m: Vec::new(),
+                marks_m: vec![[12.0, 15.0], [24.0, 27.0]],
             }],
         }
     }
@@ -204,6 +212,9 @@ mod tests {
         assert_eq!(picture.matches("<g class=\"traffic-sign\">").count(), 2);
         assert!(!picture.contains("<g class=\"traffic-light\">"));
         assert!(picture.contains("1 dashed line<") && picture.contains("stroke-dasharray"));
+        // Two marks, and one in the legend.
+        assert_eq!(picture.matches(MARK_STROKE).count(), 2);
+        assert!(picture.contains("2 marks<"));
         assert!(picture.contains("&lt;made&gt; &amp; &quot;up&quot;") && !picture.contains("<made>"));
     }
 

@@ -16,6 +16,7 @@ pub mod config;
 pub mod diff;
 pub mod draw;
 pub mod drive;
+mod eigen;
 pub mod error;
 pub mod evidence;
 pub mod export;

@@ -1,28 +1,28 @@
 //! Voxel statistics of clouds: count, mean and scatter per cell.
 
-use nalgebra::{Matrix3, Point3, SymmetricEigen, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 use rustc_hash::FxHashMap;
+
+use crate::eigen::principal_axes;
 
 /// Index of a voxel: 21 bits per axis, enough for 2 million cells each way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct VoxelKey(u64);
 
 const AXIS_BITS: u32 = 21;
-const AXIS_HALF: i64 = 1 << (AXIS_BITS - 1);
+const AXIS_HALF: u32 = 1 << (AXIS_BITS - 1);
 
 impl VoxelKey {
     /// The voxel of edge `1 / inverse_cell` that holds a point.
     pub fn of(point: &Point3<f64>, inverse_cell: f64) -> Self {
-        let axis = |v: f64| floor(v * inverse_cell).saturating_add(AXIS_HALF).clamp(0, 2 * AXIS_HALF - 1) as u64;
+        // Of numbers that are not negative the cast takes the whole part:
+        // `f64::floor` is a call on processors that need not know the instruction.
+        let axis = |v: f64| {
+            let cell = (v * inverse_cell + f64::from(AXIS_HALF)) as u32;
+            u64::from(cell.min(2 * AXIS_HALF - 1))
+        };
         Self(axis(point.x) << (2 * AXIS_BITS) | axis(point.y) << AXIS_BITS | axis(point.z))
     }
-}
-
-/// The largest whole number that is not larger. `f64::floor` is a call on
-/// processors that need not know the instruction, and was 6 % of a build.
-fn floor(v: f64) -> i64 {
-    let whole = v as i64;
-    whole.saturating_sub(i64::from(whole as f64 > v))
 }
 
 /// Count, mean and scatter of points; two can be merged exactly.
@@ -55,23 +55,20 @@ impl Moments {
         }
     }
 
-    /// The moments of the points moved rigidly.
+    /// The moments of the points turned and then moved.
     #[must_use]
-    pub fn transformed(&self, b_from_a: &common::geometry::Pose) -> Self {
-        let rotation = b_from_a.rotation.to_rotation_matrix();
+    pub fn transformed(&self, rotation: &Matrix3<f64>, translation: &Vector3<f64>) -> Self {
         Self {
             count: self.count,
-            mean: b_from_a * self.mean,
-            scatter: rotation.matrix() * self.scatter * rotation.matrix().transpose(),
+            mean: rotation * self.mean + translation,
+            scatter: rotation * self.scatter * rotation.transpose(),
         }
     }
 
     /// Standard deviations (m), largest first, and their directions.
     pub fn axes(&self) -> ([f64; 3], [Vector3<f64>; 3]) {
-        let eigen = SymmetricEigen::new(self.scatter / self.count);
-        let mut order = [0, 1, 2];
-        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-        (order.map(|i| eigen.eigenvalues[i].max(0.0).sqrt()), order.map(|i| eigen.eigenvectors.column(i).into_owned()))
+        let (variances, axes) = principal_axes(&(self.scatter / self.count));
+        (variances.map(|variance| variance.max(0.0).sqrt()), axes)
     }
 }
 
@@ -160,10 +157,14 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers_are_rounded_down() {
-        for v in [-1e300, -3.0, -2.5, -1e-9, -0.0, 0.0, 0.3, 1.0, 7.999, 1e300, f64::NAN, f64::NEG_INFINITY] {
-            assert_eq!(floor(v), v.floor() as i64, "{v}");
+    fn a_voxel_reaches_from_its_corner_to_the_next_and_the_outermost_on_without_end() {
+        let key = |v: f64| VoxelKey::of(&Point3::new(v, 0.0, 0.0), 2.0);
+        for v in [-3.0, -2.5, -1e-9, -0.0, 0.0, 0.3, 1.0, 7.999] {
+            let corner = (v * 2.0_f64).floor() / 2.0;
+            assert!(key(v) == key(corner) && key(v) == key(corner + 0.499) && key(v) < key(corner + 0.5), "{v}");
         }
+        assert!(key(-1e300) == key(f64::NEG_INFINITY) && key(1e300) == key(f64::INFINITY));
+        assert!(key(-1e300) < key(-1e4) && key(1e4) < key(1e300));
     }
 
     #[test]

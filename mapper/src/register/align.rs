@@ -137,8 +137,7 @@ fn accumulate<'a>(
         let scaled = squared_m2 / (variance * robust_sigmas.powi(2));
         let weight = 1.0 / (variance * (1.0 + scaled));
         let off = moved - target.mean;
-        let directions = if target.normal.is_some() { 1 } else { 2 };
-        for axis in &target.constrained[..directions] {
+        for axis in target.normals() {
             // n^T d(T (+) delta) p / d delta = n^T R [I | -p^], and with
             // b = R^T n that is [b^T | (p x b)^T].
             let turned = back * axis;

@@ -84,10 +84,15 @@ impl Surface {
         None
     }
 
+    /// Those of the constrained directions that are any: one of a plane.
+    pub fn normals(&self) -> &[Vector3<f64>] {
+        if self.normal.is_some() { &self.constrained[..1] } else { &self.constrained }
+    }
+
     /// Squared distance of a point, metres^2.
     pub fn squared_distance_m2(&self, point: &Point3<f64>) -> f64 {
         let off = point - self.mean;
-        self.constrained.iter().map(|axis| axis.dot(&off).powi(2)).sum()
+        self.normals().iter().map(|axis| axis.dot(&off).powi(2)).sum()
     }
 }
 
@@ -139,8 +144,9 @@ impl LocalMap {
     /// are numbered upwards.
     pub fn insert(&mut self, scan: usize, cells: &[Moments], map_from_velodyne: &Pose) {
         let mut seen = Vec::with_capacity(cells.len());
+        let rotation = map_from_velodyne.rotation.to_rotation_matrix().into_inner();
         for cell in cells {
-            let moments = cell.transformed(map_from_velodyne);
+            let moments = cell.transformed(&rotation, &map_from_velodyne.translation.vector);
             let key = VoxelKey::of(&moments.mean, self.inverse_cell);
             seen.push(key);
             match self.places.entry(key) {

@@ -18,9 +18,8 @@ pub(super) struct Hit {
     pub above_ground: f64,
     pub from_lidar: Vector2<f64>,
     pub scan: u16,
-    /// The lidar's height above it, and its horizontal distance, metres.
-    pub below_lidar_m: f64,
-    pub level_m: f64,
+    /// Elevation of the ray from the lidar, radians.
+    pub elevation_rad: f64,
     pub range: f64,
     pub reflectance: f32,
 }
@@ -37,16 +36,10 @@ impl Hit {
             above_ground: f64::from(p.height_m),
             from_lidar,
             scan: p.scan,
-            below_lidar_m: p.position.y - sensor.y,
-            level_m: ray.norm(),
+            elevation_rad: (sensor.y - p.position.y).atan2(ray.norm()),
             range: f64::from(p.range_m),
             reflectance: p.reflectance,
         }
-    }
-
-    /// Elevation of the ray from the lidar, radians.
-    fn elevation_rad(&self) -> f64 {
-        (-self.below_lidar_m).atan2(self.level_m)
     }
 }
 
@@ -231,14 +224,14 @@ pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, shared: Shared, c
             let t = hit.height - middle;
             let along = hit.from_lidar;
             let across = Vector2::new(-along.y, along.x);
+            let (values, weights) =
+                ([hit.at.dot(&along), hit.at.dot(&across)], [robust / (scale + of_beam_m2), robust / scale]);
+            sums.add(&along, t, values, weights);
             // The poles of a scan are seen in one direction: its shift may be
             // told along the view and across it.
-            let equations = [(along, -1.0, robust / (scale + of_beam_m2)), (across, 0.0, robust / scale)];
-            for (k, (axis, of_surface, weight)) in equations.into_iter().enumerate() {
+            let rows = [(along, -1.0), (across, 0.0)].into_iter().zip(values).zip(weights);
+            for (sum, (((axis, of_surface), value), weight)) in of_scans[usize::from(hit.scan)].iter_mut().zip(rows) {
                 let weighted = axis * weight;
-                let value = hit.at.dot(&axis);
-                sums.add(&axis, &weighted, t, of_surface, value);
-                let sum = &mut of_scans[usize::from(hit.scan)][k];
                 sum.row += Vector5::new(weighted.x, weighted.y, weighted.x * t, weighted.y * t, of_surface * weight);
                 sum.weight += weight;
                 sum.value += value * weight;
@@ -284,12 +277,13 @@ const SETTLED: f64 = 1e-6;
 fn hits_of_beam(hits: &[Hit], shared: Shared, config: &PoleConfig) -> Vec<f64> {
     let beam = |hit: &Hit| {
         let scan = if shared == Shared::ByScan { hit.scan } else { 0 };
-        (scan, (hit.elevation_rad() / config.beam_step_rad).round() as i64)
+        (scan, (hit.elevation_rad / config.beam_step_rad).round() as i64)
     };
-    let mut beams: Vec<(u16, i64)> = hits.iter().map(beam).collect();
-    beams.sort_unstable();
-    let count = |of: (u16, i64)| beams.partition_point(|b| *b <= of) - beams.partition_point(|b| *b < of);
-    hits.iter().map(|hit| count(beam(hit)) as f64).collect()
+    let beams: Vec<(u16, i64)> = hits.iter().map(beam).collect();
+    let mut sorted = beams.clone();
+    sorted.sort_unstable();
+    let count = |of: &(u16, i64)| sorted.partition_point(|b| b <= of) - sorted.partition_point(|b| b < of);
+    beams.iter().map(|of| count(of) as f64).collect()
 }
 
 /// The slope and its covariance from the normal equations of all five; no
@@ -371,8 +365,7 @@ mod tests {
                 above_ground: height,
                 from_lidar,
                 scan,
-                below_lidar_m: -8.0 * (0.03 * f64::from(beam)).sin(),
-                level_m: 8.0 * (0.03 * f64::from(beam)).cos(),
+                elevation_rad: 0.03 * f64::from(beam),
                 range: 8.0,
                 reflectance: 0.3,
             }

@@ -289,14 +289,15 @@ impl Stacks {
             return None;
         }
         let inside = self.count(cell, core);
-        let allowed = inside.map(|n| config.largest_clutter * f64::from(n));
         let mut outside = [0_u32; SLICES];
         let mut hindered = 0_u64;
         // Most columns are amid a hedge or a wall, as a part of the ring tells.
         for part in ring {
             self.count_in(cell, part, &mut outside);
-            hindered = (0..SLICES).filter(|s| f64::from(outside[*s]) > allowed[*s]).fold(0, |bits, s| bits | 1 << s);
-            if best_run(filled, hindered).0 < least {
+            // Slices that are not filled are hindered by nothing.
+            let is_hindered = |s: &usize| f64::from(outside[*s]) > config.largest_clutter * f64::from(inside[*s]);
+            hindered = slices_of(filled).filter(is_hindered).fold(0, |bits, s| bits | 1 << s);
+            if f64::from((filled & !hindered).count_ones()) < least || best_run(filled, hindered).0 < least {
                 return None;
             }
         }
@@ -329,10 +330,20 @@ impl Stacks {
     }
 }
 
+/// The slices whose bits are set, from below.
+fn slices_of(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lowest = (bits != 0).then(|| bits.trailing_zeros() as usize);
+        bits &= bits.wrapping_sub(1);
+        lowest
+    })
+}
+
 /// The run of slices with the most evidence: its score, first and last slice.
 fn best_run(filled: u64, hindered: u64) -> (f64, usize, usize) {
     let (mut best, mut start, mut sum) = ((0.0, 0, 0), 0, 0.0);
-    for slice in 0..SLICES {
+    // No run begins or ends with an empty slice.
+    for slice in filled.trailing_zeros() as usize..SLICES - filled.leading_zeros() as usize {
         let bit = 1 << slice;
         let value = match (filled & bit != 0, hindered & bit != 0) {
             (true, false) => FREE,

@@ -11,6 +11,7 @@ mod marks;
 mod paint;
 mod pairs;
 mod piece;
+mod poll;
 mod polyline;
 mod profile;
 mod side_streets;

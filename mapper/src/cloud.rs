@@ -246,8 +246,14 @@ impl Cloud {
         self.lying.near(at, 1, self.ground.grid()).map(move |i| &self.points[i])
     }
 
-    /// The same of the cells of the rectangle around some places of map (x, z).
-    pub fn ground_around(&self, places: impl IntoIterator<Item = Point2<f64>>) -> impl Iterator<Item = &CloudPoint> {
+    /// The same of the cells of the rectangle around some places of map (x, z),
+    /// but for those of which `is_near` says that nothing within a distance
+    /// (metres) of their centre is asked for.
+    pub fn ground_around(
+        &self,
+        places: impl IntoIterator<Item = Point2<f64>>,
+        is_near: impl Fn(&Point2<f64>, f64) -> bool,
+    ) -> impl Iterator<Item = &CloudPoint> {
         let grid = self.ground.grid();
         let cell = |m: f64, low_m: f64| ((m - low_m) / grid.cell_m).max(0.0) as usize;
         let (mut first, mut end) = ([usize::MAX; 2], [0; 2]);
@@ -258,7 +264,12 @@ impl Cloud {
             }
         }
         let (columns, rows) = (first[0]..end[0].min(grid.width), first[1]..end[1].min(grid.height));
-        self.lying.within(columns, rows, grid).map(move |i| &self.points[i])
+        let reach_m = grid.cell_m * std::f64::consts::FRAC_1_SQRT_2;
+        let cells = rows.flat_map(move |z| columns.clone().map(move |x| z * grid.width + x));
+        cells
+            .filter(move |cell| is_near(&grid.centre(*cell), reach_m))
+            .flat_map(|cell| self.lying.of_cell(cell))
+            .map(|i| &self.points[*i as usize])
     }
 
     /// Where a point lies beside the path.
@@ -337,12 +348,12 @@ impl ByCell {
         grid: &'a Grid,
     ) -> impl Iterator<Item = usize> + 'a {
         rows.flat_map(move |z| {
-            columns.clone().flat_map(move |x| {
-                let cell = z * grid.width + x;
-                let range = self.starts[cell] as usize..self.starts[cell + 1] as usize;
-                self.points[range].iter().map(|i| *i as usize)
-            })
+            columns.clone().flat_map(move |x| self.of_cell(z * grid.width + x).iter().map(|i| *i as usize))
         })
+    }
+
+    fn of_cell(&self, cell: usize) -> &[u32] {
+        &self.points[self.starts[cell] as usize..self.starts[cell + 1] as usize]
     }
 }
 

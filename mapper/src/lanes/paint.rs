@@ -54,25 +54,31 @@ pub struct RoadPoint {
     pub height_m: f32,
 }
 
-/// Edge of the cells of road points, metres: half of the strip that a line is
-/// asked for.
-const CELL_M: f64 = 0.5;
+/// Edge of the cells of road points, metres: as long as a line is asked for at
+/// a time.
+const CELL_M: f64 = 0.25;
 
 impl RoadPoints {
     /// Counting sort of the points of the parts of a cloud.
     fn new(parts: &[Vec<RoadPoint>], (from_m, to_m): (f64, f64), config: &LaneConfig) -> Self {
         let half_m = config.half_width_m;
         let grid = Grid::covering(Point2::new(-half_m, from_m), Point2::new(half_m, to_m), CELL_M);
-        let cell = |p: &RoadPoint| grid.index(&Point2::new(f64::from(p.offset_m), f64::from(p.station_m)));
-        let mut starts = vec![0_u32; grid.len() + 1];
-        parts.iter().flatten().filter_map(cell).for_each(|c| starts[c + 1] += 1);
+        // What lies in none is counted behind the last one.
+        let cell = |p: &RoadPoint| {
+            let cell = grid.index(&Point2::new(f64::from(p.offset_m), f64::from(p.station_m)));
+            cell.unwrap_or(grid.len()) as u32
+        };
+        let cells: Vec<u32> = parts.iter().flatten().map(cell).collect();
+        let mut starts = vec![0_u32; grid.len() + 2];
+        cells.iter().for_each(|c| starts[*c as usize + 1] += 1);
         for i in 1..starts.len() {
             starts[i] += starts[i - 1];
         }
-        let mut points = vec![RoadPoint::default(); starts.last().map_or(0, |n| *n as usize)];
-        for (c, p) in parts.iter().flatten().filter_map(|p| Some((cell(p)?, p))) {
-            points[starts[c] as usize] = *p;
-            starts[c] += 1;
+        let mut points = vec![RoadPoint::default(); cells.len()];
+        for (c, p) in cells.iter().zip(parts.iter().flatten()) {
+            let start = &mut starts[*c as usize];
+            points[*start as usize] = *p;
+            *start += 1;
         }
         // Each start has moved on to the next one.
         starts.copy_within(..grid.len(), 1);
@@ -81,18 +87,17 @@ impl RoadPoints {
     }
 
     /// The points in the cells that touch a rectangle of stations and offsets,
-    /// metres: those in it, and a few more.
+    /// metres, its last station left out: those in it, and a few more.
     pub fn near(&self, stations_m: [f64; 2], offsets_m: [f64; 2]) -> impl Iterator<Item = &RoadPoint> {
-        let cells = |m: [f64; 2], low_m: f64, count: usize| {
-            // Below 0 the cast gives 0: the first cell.
-            let cell = |m: f64| ((m - low_m) / self.grid.cell_m) as usize;
-            (cell(m[0]).min(count), (cell(m[1]) + 1).min(count))
-        };
-        let (first, end) = cells(offsets_m, self.grid.origin.x, self.grid.width);
-        let rows = cells(stations_m, self.grid.origin.y, self.grid.height);
-        (rows.0..rows.1).flat_map(move |row| {
+        // In cells; below 0 the casts give 0: the first one.
+        let [from, to] = stations_m.map(|m| (m - self.grid.origin.y) / self.grid.cell_m);
+        let [left, right] = offsets_m.map(|m| (m - self.grid.origin.x) / self.grid.cell_m);
+        let rows = from as usize..(to.ceil() as usize).min(self.grid.height);
+        let first = (left as usize).min(self.grid.width);
+        let end = (right as usize + 1).clamp(first, self.grid.width);
+        rows.flat_map(move |row| {
             let row = row * self.grid.width;
-            &self.points[self.starts[row + first] as usize..self.starts[row + end.max(first)] as usize]
+            &self.points[self.starts[row + first] as usize..self.starts[row + end] as usize]
         })
     }
 }
@@ -130,7 +135,11 @@ impl Paint {
         let corners = [ends_m.start, ends_m.end]
             .map(|station_m| [-config.half_width_m, config.half_width_m].map(|side_m| path.beside(station_m, side_m)));
         let corners = corners.as_flattened().iter().map(|p| Point2::new(p.x, p.z));
-        Self::new(vec![split(cloud.ground_around(corners).filter_map(place), config)], path, config)
+        let beside = |p: &Point2<f64>, reach_m: f64| {
+            let offset_m = Vector2::new(p.x - start.x, p.y - start.z).perp(&direction);
+            offset_m.abs() < config.half_width_m + reach_m
+        };
+        Self::new(vec![split(cloud.ground_around(corners, beside).filter_map(place), config)], path, config)
     }
 
     fn new(parts: Vec<(Vec<PathPoint>, Vec<RoadPoint>)>, path: &Path, config: &LaneConfig) -> Self {

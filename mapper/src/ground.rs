@@ -98,7 +98,7 @@ impl Ground {
             let relative = -p.y - camera_height[cell] - LOWEST_M;
             let bin = relative / BIN_M;
             if bin >= 0.0 && bin < bins as f64 {
-                let k = cell * bins + bin as usize;
+                let k = cell * bins + bin as u32 as usize;
                 counts[k] = counts[k].saturating_add(1);
                 sums[k] += relative as f32;
             }
@@ -151,9 +151,9 @@ impl Ground {
         let v = (p.y - self.grid.origin.y) / self.grid.cell_m - 0.5;
         let clamp = |w: f64, n: usize| w.clamp(0.0, (n - 1) as f64);
         let (u, v) = (clamp(u, self.grid.width), clamp(v, self.grid.height));
-        let (x, z) = (u as usize, v as usize);
+        let (x, z) = (u as u32 as usize, v as u32 as usize);
         let (x1, z1) = ((x + 1).min(self.grid.width - 1), (z + 1).min(self.grid.height - 1));
-        let (fu, fv) = (u - x as f64, v - z as f64);
+        let (fu, fv) = (u - f64::from(x as u32), v - f64::from(z as u32));
         let at = |x: usize, z: usize| self.height_m[z * self.grid.width + x];
         let near = at(x, z) * (1.0 - fu) + at(x1, z) * fu;
         let far = at(x, z1) * (1.0 - fu) + at(x1, z1) * fu;

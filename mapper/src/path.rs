@@ -117,25 +117,26 @@ impl Path {
 
     /// The place of a point given by its map (x, z).
     pub fn place(&self, p: &Point2<f64>) -> PathPlace {
-        self.place_on(p, self.nearest(p, 0..self.segments.len()))
+        self.place_beside(p, 0..self.segments.len())
     }
 
-    /// The nearest of some of the segments, of equally near ones the first.
-    fn nearest(&self, p: &Point2<f64>, among: impl IntoIterator<Item = usize>) -> usize {
-        let mut best = (f64::INFINITY, 0);
+    /// The nearest of some of the segments, of equally near ones the first; the
+    /// distance along it, metres, and the square of that from it.
+    fn nearest(&self, p: &Point2<f64>, among: impl IntoIterator<Item = usize>) -> (usize, f64, f64) {
+        let mut best = (0, 0.0, f64::INFINITY);
         for i in among {
-            let (_, squared) = self.segments[i].nearest(p);
-            if squared < best.0 {
-                best = (squared, i);
+            let (along_m, squared) = self.segments[i].nearest(p);
+            if squared < best.2 {
+                best = (i, along_m, squared);
             }
         }
-        best.1
+        best
     }
 
-    /// The place of a point beside a segment.
-    fn place_on(&self, p: &Point2<f64>, i: usize) -> PathPlace {
+    /// The place of a point beside the nearest of some of the segments.
+    fn place_beside(&self, p: &Point2<f64>, among: impl IntoIterator<Item = usize>) -> PathPlace {
+        let (i, along_m, squared) = self.nearest(p, among);
         let segment = &self.segments[i];
-        let (along_m, squared) = segment.nearest(p);
         // Right of (dx, dz) seen from above, y down: (dz, -dx).
         let right = Vector2::new(segment.direction.y, -segment.direction.x);
         PathPlace {
@@ -195,7 +196,7 @@ impl PathIndex {
                 for z in low_z..(low_z + BLOCK).min(grid.height) {
                     for x in low_x..(low_x + BLOCK).min(grid.width) {
                         let cell = z * grid.width + x;
-                        segments[cell] = path.nearest(&grid.centre(cell), near.iter().copied()) as u32;
+                        segments[cell] = path.nearest(&grid.centre(cell), near.iter().copied()).0 as u32;
                     }
                 }
             }
@@ -207,7 +208,7 @@ impl PathIndex {
     pub fn place(&self, path: &Path, p: &Point2<f64>) -> Option<PathPlace> {
         let segment = self.segments[self.grid.index(p)?] as usize;
         let near = segment.saturating_sub(2)..(segment + 3).min(path.segments.len());
-        Some(path.place_on(p, path.nearest(p, near)))
+        Some(path.place_beside(p, near))
     }
 }
 

@@ -95,12 +95,17 @@ impl<'a> Contrasts<'a> {
         for (s, steps) in steps.iter_mut().enumerate() {
             *steps = rounded(first + (last - first) * (s as f64 / (SAMPLES - 1) as f64));
         }
+        let is_darker = |steps: &usize| reflectance[i] - reflectance[beside(*steps)] > config.least_noise;
         // They go outwards: what lies beyond the scan are the last of them.
-        let count = steps.iter().filter(|steps| **steps <= room).count();
-        let is_darker = |steps: &&usize| reflectance[i] - reflectance[beside(**steps)] > config.least_noise;
+        let (count, darker) = if steps[SAMPLES - 1] <= room {
+            (SAMPLES, steps.iter().map(|steps| usize::from(is_darker(steps))).sum::<usize>())
+        } else {
+            let count = steps.iter().filter(|steps| **steps <= room).count();
+            (count, steps[..count].iter().filter(|steps| is_darker(steps)).count())
+        };
         // Before any distance is looked at: of a hundred points of asphalt
         // some five go on.
-        if steps[..count].iter().filter(is_darker).count() < FEWEST_DARKER {
+        if darker < FEWEST_DARKER {
             return None;
         }
         let mut values = [0.0_f32; SAMPLES];

@@ -76,11 +76,18 @@ fn squares(points: &[Point3<f64>], tolerance_m: f64) -> Option<f64> {
     let (a, b) = (points.first()?, points.last()?);
     let along = b - a;
     let length = along.norm_squared().max(1e-12);
-    let mut sum = 0.0;
-    for p in points {
+    let squared = |p: &Point3<f64>| {
         let d = p - a;
         let share = (d.dot(&along) / length).clamp(0.0, 1.0);
-        let off = (d - along * share).norm_squared();
+        (d - along * share).norm_squared()
+    };
+    // Of a bend the middle is farthest off.
+    if squared(&points[points.len() / 2]) > tolerance_m * tolerance_m {
+        return None;
+    }
+    let mut sum = 0.0;
+    for p in points {
+        let off = squared(p);
         if off > tolerance_m * tolerance_m {
             return None;
         }

@@ -216,8 +216,9 @@ impl Cloud {
             .par_iter_mut()
             .map(|p| {
                 let at = Point2::new(p.position.x, p.position.z);
-                p.height_m = ground.height_m(&at).map_or(f32::NAN, |g| (-p.position.y - g) as f32);
-                let Some(cell) = ground.grid().index(&at) else { return 0 };
+                p.height_m = f32::NAN;
+                let Some((cell, height_m)) = ground.cell_and_height_m(&at) else { return 0 };
+                p.height_m = height_m.map_or(f32::NAN, |g| (-p.position.y - g) as f32);
                 let flag = |holds: bool, flag: u32| if holds { flag } else { 0 };
                 cell as u32 | flag(p.height_m > thickness_m, STANDS) | flag(p.height_m.abs() <= step_m, LIES)
             })

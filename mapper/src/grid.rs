@@ -32,10 +32,18 @@ impl Grid {
         self.len() == 0
     }
 
+    /// Place of a point from the origin, in cells.
+    pub fn place(&self, p: &Point2<f64>) -> [f64; 2] {
+        [(p.x - self.origin.x) / self.cell_m, (p.y - self.origin.y) / self.cell_m]
+    }
+
     /// Column and row of the cell that holds a point; none outside.
     pub fn cell(&self, p: &Point2<f64>) -> Option<(usize, usize)> {
-        let x = (p.x - self.origin.x) / self.cell_m;
-        let z = (p.y - self.origin.y) / self.cell_m;
+        self.cell_at(self.place(p))
+    }
+
+    /// The same of a place in cells.
+    pub fn cell_at(&self, [x, z]: [f64; 2]) -> Option<(usize, usize)> {
         // Of numbers that are not negative the cast takes the whole part; to 32
         // bits it is one instruction, to 64 unsigned ones a dozen.
         (x >= 0.0 && z >= 0.0 && x < self.width as f64 && z < self.height as f64)

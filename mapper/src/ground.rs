@@ -146,11 +146,15 @@ impl Ground {
     /// Height of the ground (along -y of the map, metres) at map (x, z),
     /// bilinear between cell centres; none outside the grid.
     pub fn height_m(&self, p: &Point2<f64>) -> Option<f64> {
-        self.grid.cell(p)?;
-        let u = (p.x - self.grid.origin.x) / self.grid.cell_m - 0.5;
-        let v = (p.y - self.grid.origin.y) / self.grid.cell_m - 0.5;
-        let clamp = |w: f64, n: usize| w.clamp(0.0, (n - 1) as f64);
-        let (u, v) = (clamp(u, self.grid.width), clamp(v, self.grid.height));
+        self.cell_and_height_m(p).and_then(|(_, height_m)| height_m)
+    }
+
+    /// Index of the cell that holds map (x, z), and the same height.
+    pub fn cell_and_height_m(&self, p: &Point2<f64>) -> Option<(usize, Option<f64>)> {
+        let place = self.grid.place(p);
+        let (column, row) = self.grid.cell_at(place)?;
+        let centred = |w: f64, n: usize| (w - 0.5).max(0.0).min((n - 1) as f64);
+        let (u, v) = (centred(place[0], self.grid.width), centred(place[1], self.grid.height));
         let (x, z) = (u as u32 as usize, v as u32 as usize);
         let (x1, z1) = ((x + 1).min(self.grid.width - 1), (z + 1).min(self.grid.height - 1));
         let (fu, fv) = (u - f64::from(x as u32), v - f64::from(z as u32));
@@ -158,7 +162,7 @@ impl Ground {
         let near = at(x, z) * (1.0 - fu) + at(x1, z) * fu;
         let far = at(x, z1) * (1.0 - fu) + at(x1, z1) * fu;
         let height = near * (1.0 - fv) + far * fv;
-        height.is_finite().then_some(height)
+        Some((row * self.grid.width + column, height.is_finite().then_some(height)))
     }
 
     /// Whether ground was seen in the cell that holds map (x, z).

@@ -93,16 +93,17 @@ impl<'a> Contrasts<'a> {
         let last = config.beside_to_m * per_metre;
         let mut steps = [0; SAMPLES];
         for (s, steps) in steps.iter_mut().enumerate() {
-            *steps = rounded(first + (last - first) * (s as f64 / (SAMPLES - 1) as f64));
+            *steps = rounded(first + (last - first) * (s as f64 / (SAMPLES - 1) as f64)) as usize;
         }
-        let is_darker = |steps: &usize| reflectance[i] - reflectance[beside(*steps)] > config.least_noise;
         // They go outwards: what lies beyond the scan are the last of them.
-        let (count, darker) = if steps[SAMPLES - 1] <= room {
-            (SAMPLES, steps.iter().map(|steps| usize::from(is_darker(steps))).sum::<usize>())
-        } else {
-            let count = steps.iter().filter(|steps| **steps <= room).count();
-            (count, steps[..count].iter().filter(|steps| is_darker(steps)).count())
-        };
+        let mut count = SAMPLES;
+        while count > 0 && steps[count - 1] > room {
+            count -= 1;
+        }
+        let mut darker = 0;
+        for steps in &steps[..count] {
+            darker += usize::from(reflectance[i] - reflectance[beside(*steps)] > config.least_noise);
+        }
         // Before any distance is looked at: of a hundred points of asphalt
         // some five go on.
         if darker < FEWEST_DARKER {
@@ -133,8 +134,8 @@ impl<'a> Contrasts<'a> {
 /// The nearest whole number to one from 0 to 2^31, of two the even one.
 /// `f64::round` is a call on processors that need not know the instruction, and
 /// casts do not go side by side; at 1.5 * 2^52 the last bit of the sum is 1.
-fn rounded(v: f64) -> usize {
-    (v + 6_755_399_441_055_744.0).to_bits() as u32 as usize
+pub(super) fn rounded(v: f64) -> u32 {
+    (v + 6_755_399_441_055_744.0).to_bits() as u32
 }
 
 #[cfg(test)]
@@ -182,7 +183,7 @@ mod tests {
     #[test]
     fn numbers_are_rounded_to_the_nearest() {
         for v in [0.0, 0.49, 0.499_999_999_999_999_94, 0.5, 0.51, 1.5, 2.5, 900.49, 900.51, 1e6] {
-            assert_eq!(rounded(v), v.round_ties_even() as usize, "{v}");
+            assert_eq!(rounded(v), v.round_ties_even() as u32, "{v}");
         }
     }
 }

@@ -68,7 +68,8 @@ impl RoadPoints {
             let cell = grid.index(&Point2::new(f64::from(p.offset_m), f64::from(p.station_m)));
             cell.unwrap_or(grid.len()) as u32
         };
-        let cells: Vec<u32> = parts.iter().flatten().map(cell).collect();
+        let mut cells: Vec<u32> = Vec::with_capacity(parts.iter().map(Vec::len).sum());
+        parts.iter().for_each(|part| cells.extend(part.iter().map(cell)));
         let mut starts = vec![0_u32; grid.len() + 2];
         cells.iter().for_each(|c| starts[*c as usize + 1] += 1);
         for i in 1..starts.len() {
@@ -115,7 +116,7 @@ impl Paint {
                 contrast,
             })
         };
-        let split = |part: &[CloudPoint]| split(part.iter().filter_map(place), config);
+        let split = |part: &[CloudPoint]| split(part.iter().filter_map(place), part.len(), config);
         Self::new(cloud.points.par_chunks(PART).map(split).collect(), &cloud.path, config)
     }
 
@@ -139,7 +140,8 @@ impl Paint {
             let offset_m = Vector2::new(p.x - start.x, p.y - start.z).perp(&direction);
             offset_m.abs() < config.half_width_m + reach_m
         };
-        Self::new(vec![split(cloud.ground_around(corners, beside).filter_map(place), config)], path, config)
+        let places = cloud.ground_around(corners, beside).filter_map(place);
+        Self::new(vec![split(places, PART, config)], path, config)
     }
 
     fn new(parts: Vec<(Vec<PathPoint>, Vec<RoadPoint>)>, path: &Path, config: &LaneConfig) -> Self {
@@ -152,9 +154,13 @@ impl Paint {
     }
 }
 
-/// The paint among placed points, and all of them.
-fn split(places: impl Iterator<Item = PathPoint>, config: &LaneConfig) -> (Vec<PathPoint>, Vec<RoadPoint>) {
-    let (mut bright, mut road) = (Vec::new(), Vec::new());
+/// The paint among placed points, and all of them: about so many.
+fn split(
+    places: impl Iterator<Item = PathPoint>,
+    count: usize,
+    config: &LaneConfig,
+) -> (Vec<PathPoint>, Vec<RoadPoint>) {
+    let (mut bright, mut road) = (Vec::new(), Vec::with_capacity(count));
     for p in places {
         road.push(RoadPoint { station_m: p.station_m as f32, offset_m: p.offset_m as f32, height_m: p.height_m });
         if p.contrast >= config.least_contrast {

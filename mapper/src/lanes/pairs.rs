@@ -69,7 +69,8 @@ fn side_by_side(
     let mut ends: Vec<Option<(u16, u16)>> = vec![None; poll.votes().len()];
     for (bin, points) in bins {
         let off_m = points.iter().map(|p| p.offset_m - line.offset_m(p.station_m));
-        let (first, counts) = poll.count(off_m.filter(|off_m| off_m.abs() <= reach_m).map(cell_of));
+        let cells = off_m.filter(|off_m| off_m.abs() <= reach_m).map(cell_of);
+        let (first, counts) = poll.count(0..ends.len(), cells);
         for (ends, _) in ends[first..].iter_mut().zip(counts).filter(|(_, count)| **count > 0) {
             *ends = Some((ends.map_or(*bin, |ends| ends.0), *bin));
         }

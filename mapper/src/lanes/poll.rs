@@ -1,5 +1,7 @@
 //! Votes of points of paint for the strips that they lie in.
 
+use std::ops::Range;
+
 /// Votes for all strips of one width, by the cell of their middles: of the
 /// points of one bin of the length at most so many count for a strip.
 pub struct Poll {
@@ -31,17 +33,19 @@ impl Poll {
         &self.votes
     }
 
-    /// Counts the points of a bin, given by their cells. Returns the first of
-    /// the cells whose strips may have any, and how many each of these has.
-    pub fn count(&mut self, cells: impl Iterator<Item = usize>) -> (usize, &[u8]) {
-        let (mut first, mut last) = (self.votes.len(), 0);
-        for cell in cells.filter(|cell| *cell < self.votes.len()) {
-            let count = &mut self.here[cell + self.half];
-            *count = count.saturating_add(1);
-            (first, last) = (first.min(cell), last.max(cell));
+    /// Counts the points of a bin, given by their cells; those beyond `range`
+    /// do not count. Returns the first of the cells whose strips may have any,
+    /// and how many each of these has.
+    pub fn count(&mut self, range: Range<usize>, cells: impl Iterator<Item = usize>) -> (usize, &[u8]) {
+        let (start, end) = (range.start.min(self.votes.len()), range.end.min(self.votes.len()));
+        let here = &mut self.here[start + self.half..end.max(start) + self.half];
+        for cell in cells {
+            if let Some(count) = here.get_mut(cell.wrapping_sub(start)) {
+                *count = count.saturating_add(1);
+            }
         }
-        let first = first.saturating_sub(self.half);
-        let end = (last + self.half + 1).min(self.votes.len()).max(first);
+        let first = start.saturating_sub(self.half);
+        let end = (end.max(start) + self.half).min(self.votes.len());
         let wide = &mut self.wide[first..end];
         wide.copy_from_slice(&self.here[first..end]);
         for k in (1..=2 * self.half).step_by(2) {
@@ -62,12 +66,11 @@ mod tests {
     #[test]
     fn of_a_bin_so_many_points_count_for_each_strip_that_they_lie_in() {
         let mut poll = Poll::new(9, 2, 3);
-        assert_eq!(poll.count([4, 4, 0].into_iter()), (0, &[1, 1, 3, 2, 2, 2, 2][..]));
-        poll.count([5, 5, 5, 5, 99].into_iter());
+        assert_eq!(poll.count(0..5, [4, 4, 0].into_iter()), (0, &[1, 1, 3, 2, 2, 2, 2][..]));
+        poll.count(4..9, [5, 5, 5, 5, 99, 3].into_iter());
         assert_eq!(poll.votes(), [1, 1, 3, 5, 5, 5, 5, 3, 0]);
-        assert!(poll.count(std::iter::empty()).1.is_empty(), "no points, no strips");
         poll.clear();
-        poll.count(std::iter::once(8));
+        poll.count(0..99, std::iter::once(8));
         assert_eq!(poll.votes(), [0, 0, 0, 0, 0, 0, 1, 1, 1]);
     }
 }

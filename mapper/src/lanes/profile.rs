@@ -129,15 +129,28 @@ fn fill(bin: &mut Bin, paint: &Paint, half_m: f64, config: &LaneConfig) {
         if off_m.abs() <= half_m { Some(0) } else { is_beside.then_some(1 + usize::from(off_m > 0.0)) }
     };
     let mut shares = [Share::default(); 3];
-    let bright = between(&paint.bright, from_m, to_m);
-    bright.iter().filter_map(|p| part(p.offset_m - offset_m)).for_each(|k| shares[k].bright += 1.0);
-    bin.across = [0.0; 2];
     let [across_from_m, across_to_m] = config.fords.across_m;
-    for off_m in bright.iter().map(|p| p.offset_m - offset_m) {
+    let widest_m = half_m.max(far_m).max(across_to_m).max(config.half_line_m);
+    let (mut on, mut off_sum_m, mut contrast_sum) = (0.0_f64, 0.0, 0.0);
+    bin.across = [0.0; 2];
+    for p in between(&paint.bright, from_m, to_m) {
+        let off_m = p.offset_m - offset_m;
+        if off_m.abs() > widest_m {
+            continue;
+        }
+        if let Some(k) = part(off_m) {
+            shares[k].bright += 1.0;
+        }
         if (across_from_m..across_to_m).contains(&off_m.abs()) {
             bin.across[usize::from(off_m > 0.0)] += 1.0;
         }
+        if off_m.abs() <= config.half_line_m {
+            (on, off_sum_m, contrast_sum) = (on + 1.0, off_sum_m + off_m, contrast_sum + f64::from(p.contrast));
+        }
     }
+    bin.bright = on;
+    bin.off_m = off_sum_m / on.max(1.0);
+    bin.contrast = contrast_sum / on.max(1.0);
     let strips_end_m = config.half_line_m + 2.0 * config.kerb_within_m;
     let reach_m = far_m.max(strips_end_m);
     let mut strips = [Mean::default(); 4];
@@ -163,14 +176,6 @@ fn fill(bin: &mut Bin, paint: &Paint, half_m: f64, config: &LaneConfig) {
     }
     [bin.core, bin.beside[0], bin.beside[1]] = shares;
     bin.strips = strips;
-    let on: Vec<(f64, f64)> = bright
-        .iter()
-        .map(|p| (p.offset_m - offset_m, f64::from(p.contrast)))
-        .filter(|(off_m, _)| off_m.abs() <= config.half_line_m)
-        .collect();
-    bin.bright = on.len() as f64;
-    bin.off_m = on.iter().map(|p| p.0).sum::<f64>() / bin.bright.max(1.0);
-    bin.contrast = on.iter().map(|p| p.1).sum::<f64>() / bin.bright.max(1.0);
 }
 
 /// Height of the step in the road along a line, metres: by how much the strips

@@ -277,13 +277,15 @@ const SETTLED: f64 = 1e-6;
 fn hits_of_beam(hits: &[Hit], shared: Shared, config: &PoleConfig) -> Vec<f64> {
     let beam = |hit: &Hit| {
         let scan = if shared == Shared::ByScan { hit.scan } else { 0 };
-        (scan, (hit.elevation_rad / config.beam_step_rad).round() as i64)
+        (scan, (hit.elevation_rad / config.beam_step_rad).round() as i32)
     };
-    let beams: Vec<(u16, i64)> = hits.iter().map(beam).collect();
-    let mut sorted = beams.clone();
-    sorted.sort_unstable();
-    let count = |of: &(u16, i64)| sorted.partition_point(|b| b <= of) - sorted.partition_point(|b| b < of);
-    beams.iter().map(|of| count(of) as f64).collect()
+    let mut beams: Vec<((u16, i32), usize)> = hits.iter().map(beam).zip(0..).collect();
+    beams.sort_unstable();
+    let mut counts = vec![0.0; hits.len()];
+    for of_beam in beams.chunk_by(|a, b| a.0 == b.0) {
+        of_beam.iter().for_each(|(_, hit)| counts[*hit] = of_beam.len() as f64);
+    }
+    counts
 }
 
 /// The slope and its covariance from the normal equations of all five; no

@@ -105,7 +105,7 @@ pub fn fit_pole<'a>(
     let at = |p: &CloudPoint| Vector2::new(p.position.x, p.position.z);
     let in_run: Vec<Hit> = near
         .iter()
-        .filter(|p| (at(p) - stack.centre.coords).norm() < stack.reach_m)
+        .filter(|p| (at(p) - stack.centre.coords).norm_squared() < stack.reach_m.powi(2))
         .filter(|p| (stack.low_m..=stack.high_m).contains(&f64::from(p.height_m)))
         .filter(|p| stack.is_free(f64::from(p.height_m), config))
         .map(|p| Hit::new(p, cloud))
@@ -117,11 +117,13 @@ pub fn fit_pole<'a>(
     let refined = |hits: &[Hit], start: Axis| refine(hits, start, plumb, Shared::ByScan, config);
     let axis = refined(&in_run, ransac(&in_run, inlier_m, plumb, config)?);
     // Follow the axis up and down as far as points go on without a gap.
-    let beside = |p: &CloudPoint, axis: &Axis| (at(p) - axis.at(-p.position.y)).norm();
+    let is_beside = |p: &CloudPoint, axis: &Axis, reach_m: f64| {
+        (at(p) - axis.at(-p.position.y)).norm_squared() < (reach_m + ROUNDING_M).powi(2)
+    };
     let mut on: Vec<Hit> = near
         .iter()
         // The surface lies before the axis by no more than this.
-        .filter(|p| f64::from(p.height_m) <= stack.end_m && beside(p, &axis) < inlier_m + axis.before_m + ROUNDING_M)
+        .filter(|p| f64::from(p.height_m) <= stack.end_m && is_beside(p, &axis, inlier_m + axis.before_m))
         .map(|p| Hit::new(p, cloud))
         .filter(|h| axis.residual(h).norm() < inlier_m)
         .collect();
@@ -141,7 +143,7 @@ pub fn fit_pole<'a>(
     let stands = refine(&post, axis, plumb, Shared::ByLaser, config);
     let reach_m = radius_across(&post, &axis, config) + config.gap_to_m.max(config.gap_from_m + config.rail_m);
     let around: Vec<Hit> =
-        near.iter().filter(|p| beside(p, &axis) < reach_m + ROUNDING_M).map(|p| Hit::new(p, cloud)).collect();
+        near.iter().filter(|p| is_beside(p, &axis, reach_m)).map(|p| Hit::new(p, cloud)).collect();
     describe(cloud, &Seen { hits: &around, run, free: &free, post: &post }, &axis, &stands, config, lidar)
 }
 

@@ -132,12 +132,14 @@ fn accumulate<'a>(
             continue;
         }
         sum.matched += 1;
-        let squared_m2 = target.squared_distance_m2(&moved);
+        let off = moved - target.mean;
+        let normals = target.normals();
+        let off_m = target.constrained.map(|axis| axis.dot(&off));
+        let squared_m2 = off_m[0] * off_m[0] + off_m[1] * off_m[1];
         let variance = target.sigma_m.powi(2) + surface.sigma_m.powi(2);
         let scaled = squared_m2 / (variance * robust_sigmas.powi(2));
         let weight = 1.0 / (variance * (1.0 + scaled));
-        let off = moved - target.mean;
-        for axis in target.normals() {
+        for (axis, off_m) in normals.iter().zip(off_m) {
             // n^T d(T (+) delta) p / d delta = n^T R [I | -p^], and with
             // b = R^T n that is [b^T | (p x b)^T].
             let turned = back * axis;
@@ -150,7 +152,7 @@ fn accumulate<'a>(
                     sum.h[(i, k)] += row[i] * weighted[k];
                 }
             }
-            sum.g += weighted * axis.dot(&off);
+            sum.g += weighted * off_m;
         }
         sum.weight += weight;
         sum.cost_m2 += squared_m2 * weight;

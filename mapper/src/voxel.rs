@@ -10,16 +10,16 @@ use crate::eigen::principal_axes;
 pub struct VoxelKey(u64);
 
 const AXIS_BITS: u32 = 21;
-const AXIS_HALF: u32 = 1 << (AXIS_BITS - 1);
+const AXIS_HALF: i32 = 1 << (AXIS_BITS - 1);
 
 impl VoxelKey {
     /// The voxel of edge `1 / inverse_cell` that holds a point.
     pub fn of(point: &Point3<f64>, inverse_cell: f64) -> Self {
-        // Of numbers that are not negative the cast takes the whole part:
         // `f64::floor` is a call on processors that need not know the instruction.
         let axis = |v: f64| {
-            let cell = (v * inverse_cell + f64::from(AXIS_HALF)) as u32;
-            u64::from(cell.min(2 * AXIS_HALF - 1))
+            let cell = (v * inverse_cell).max(-f64::from(AXIS_HALF)).min(f64::from(AXIS_HALF - 1));
+            let whole = cell as i32;
+            (whole - i32::from(f64::from(whole) > cell) + AXIS_HALF) as u64
         };
         Self(axis(point.x) << (2 * AXIS_BITS) | axis(point.y) << AXIS_BITS | axis(point.z))
     }

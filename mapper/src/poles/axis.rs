@@ -122,6 +122,8 @@ const LEANING: f64 = 6.0;
 /// RANSAC trials: a line through two of the points, of which at least half
 /// are on the pole, is missed by all with a chance of 0.75^64 = 1e-8.
 const TRIALS: usize = 64;
+/// Hits after which it is asked whether a line may still be the best.
+const PART: usize = 16;
 /// Least difference in height of two points that tell a slope, metres.
 const SLOPE_BASE_M: f64 = 0.3;
 
@@ -140,10 +142,18 @@ pub(super) fn ransac(hits: &[Hit], inlier_m: f64, plumb: &Plumb, config: &PoleCo
     let mut best = (f64::NEG_INFINITY, through(hits.first()?, plumb.slope));
     let mut try_axis = |axis: Axis| {
         // MSAC: a truncated square tells a tight line from a loose one.
-        let score: f64 = hits.iter().map(|h| 1.0 - (axis.residual(h).norm_squared() / inlier_m.powi(2)).min(1.0)).sum();
-        if score > best.0 {
-            best = (score, axis);
+        let (mut score, mut left) = (0.0, hits.len() as f64);
+        for part in hits.chunks(PART) {
+            for h in part {
+                score += 1.0 - (axis.residual(h).norm_squared() / inlier_m.powi(2)).min(1.0);
+            }
+            left -= part.len() as f64;
+            // Most lines miss so many that the rest cannot make up for it.
+            if score + left <= best.0 {
+                return;
+            }
         }
+        best = (score, axis);
     };
     for _ in 0..TRIALS {
         let a = &hits[rng.random_range(0..hits.len())];

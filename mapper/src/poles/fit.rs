@@ -101,7 +101,9 @@ pub fn fit_pole<'a>(
     config: &PoleConfig,
     lidar: &LidarConfig,
 ) -> Option<FittedPole> {
-    let near: Vec<CloudPoint> = near.copied().collect();
+    let mut near_points: Vec<CloudPoint> = Vec::with_capacity(USUALLY_NEAR);
+    near_points.extend(near);
+    let near = near_points;
     let at = |p: &CloudPoint| Vector2::new(p.position.x, p.position.z);
     let in_run: Vec<Hit> = near
         .iter()
@@ -142,11 +144,12 @@ pub fn fit_pole<'a>(
     let axis = refined(&post, axis);
     let stands = refine(&post, axis, plumb, Shared::ByLaser, config);
     let reach_m = radius_across(&post, &axis, config) + config.gap_to_m.max(config.gap_from_m + config.rail_m);
-    let around: Vec<Hit> =
-        near.iter().filter(|p| is_beside(p, &axis, reach_m)).map(|p| Hit::new(p, cloud)).collect();
+    let around: Vec<Hit> = near.iter().filter(|p| is_beside(p, &axis, reach_m)).map(|p| Hit::new(p, cloud)).collect();
     describe(cloud, &Seen { hits: &around, run, free: &free, post: &post }, &axis, &stands, config, lidar)
 }
 
+/// Points that are near most places: a vector that grows is copied.
+const USUALLY_NEAR: usize = 1 << 12;
 /// Far more than distances that are computed in two ways differ by, metres.
 const ROUNDING_M: f64 = 1e-6;
 

@@ -46,6 +46,11 @@ pub struct SideConfig {
     /// Least mean contrast of its paint, standard deviations: what is seen from
     /// afar only is a line if it is clear. Fresh paint has six and more.
     pub least_contrast: f64,
+    /// Least mean contrast of the cells on an axis for lines to be sought along
+    /// it, standard deviations: where an axis is as significant as it has to be,
+    /// up to two in five of its cells are speckles like those beside it, of 4.2
+    /// on average.
+    pub least_axis_contrast: f64,
     /// Least share of its length on which paint was seen.
     pub least_painted: f64,
 }
@@ -62,6 +67,7 @@ impl Default for SideConfig {
             half_width_m: 7.0,
             shortest_m: 8.0,
             least_contrast: 5.7,
+            least_axis_contrast: 5.0,
             least_painted: 0.3,
         }
     }
@@ -76,6 +82,17 @@ struct Axis {
     direction: Vector2<f64>,
     /// How many standard deviations more paint is on it than beside it.
     score: f64,
+    /// Mean contrast of its paint, standard deviations.
+    contrast: f64,
+}
+
+/// Where paint lies aside of the path, and how bright it is.
+#[derive(Debug, Clone, Copy)]
+struct Spot {
+    /// Map (x, z), metres.
+    at: Point2<f64>,
+    /// Standard deviations.
+    contrast: f32,
 }
 
 impl Axis {
@@ -109,7 +126,7 @@ pub fn find_side_lines(cloud: &Cloud, known: &[LanePiece], config: &LaneConfig) 
     let mut searched: Vec<Axis> = Vec::new();
     let mut lines: Vec<LanePiece> = Vec::new();
     for axis in axes(&spots(cloud, known, config), cloud, config) {
-        if searched.iter().any(|other| other.covers(&axis, config)) {
+        if axis.contrast < config.side.least_axis_contrast || searched.iter().any(|other| other.covers(&axis, config)) {
             continue;
         }
         searched.push(axis);
@@ -155,42 +172,40 @@ fn part_aside(
 }
 
 /// Where paint lies aside of the path and of the lines along it, each cell of
-/// the plane once: map (x, z), metres.
-fn spots(cloud: &Cloud, known: &[LanePiece], config: &LaneConfig) -> Vec<Point2<f64>> {
+/// the plane once.
+fn spots(cloud: &Cloud, known: &[LanePiece], config: &LaneConfig) -> Vec<Spot> {
     let spot = |p: &CloudPoint| {
-        if p.contrast.is_none_or(|contrast| contrast < config.least_contrast) || !is_road(p, config) {
-            return None;
-        }
+        let contrast = p.contrast.filter(|contrast| *contrast >= config.least_contrast && is_road(p, config))?;
         let place = cloud.place(&p.position);
         let is_known = |piece: &LanePiece| {
             let on_line = piece.at(place.station_m);
             on_line.is_some_and(|q| (q.x - p.position.x).hypot(q.z - p.position.z) < config.apart_m)
         };
         let is_aside = place.offset_m.abs() >= config.side.from_m && !known.iter().any(is_known);
-        is_aside.then_some(Point2::new(p.position.x, p.position.z))
+        is_aside.then_some(Spot { at: Point2::new(p.position.x, p.position.z), contrast })
     };
-    let mut spots: Vec<Point2<f64>> = cloud.points.par_iter().filter_map(spot).collect();
-    let cell = |p: &Point2<f64>| p.coords.map(|v| (v / config.side.thin_m).floor() as i64).data.0[0];
+    let mut spots: Vec<Spot> = cloud.points.par_iter().filter_map(spot).collect();
+    let cell = |spot: &Spot| spot.at.coords.map(|v| (v / config.side.thin_m).floor() as i64).data.0[0];
     // Stable: of each cell the first in the order of the scans.
     spots.sort_by_key(cell);
-    spots.dedup_by_key(|p| cell(p));
+    spots.dedup_by_key(|spot| cell(spot));
     spots
 }
 
 /// The axes in all squares as long as a window, most significant first.
-fn axes(spots: &[Point2<f64>], cloud: &Cloud, config: &LaneConfig) -> Vec<Axis> {
+fn axes(spots: &[Spot], cloud: &Cloud, config: &LaneConfig) -> Vec<Axis> {
     // They overlap by half: each axis is well within one.
     let edge_m = config.window_m / 2.0;
-    let mut quarters: BTreeMap<(i64, i64), Vec<Point2<f64>>> = BTreeMap::new();
-    for p in spots {
-        let quarter = ((p.x / edge_m).floor() as i64, (p.y / edge_m).floor() as i64);
-        quarters.entry(quarter).or_default().push(*p);
+    let mut quarters: BTreeMap<(i64, i64), Vec<Spot>> = BTreeMap::new();
+    for spot in spots {
+        let quarter = ((spot.at.x / edge_m).floor() as i64, (spot.at.y / edge_m).floor() as i64);
+        quarters.entry(quarter).or_default().push(*spot);
     }
     let squares: BTreeSet<(i64, i64)> =
         quarters.keys().flat_map(|(i, k)| [(*i, *k), (i - 1, *k), (*i, k - 1), (i - 1, k - 1)]).collect();
     let squares: Vec<(i64, i64)> = squares.into_iter().collect();
     let in_square = |(i, k): &(i64, i64)| {
-        let mut here: Vec<Point2<f64>> = [(*i, *k), (i + 1, *k), (*i, k + 1), (i + 1, k + 1)]
+        let mut here: Vec<Spot> = [(*i, *k), (i + 1, *k), (*i, k + 1), (i + 1, k + 1)]
             .iter()
             .filter_map(|quarter| quarters.get(quarter))
             .flatten()
@@ -202,7 +217,7 @@ fn axes(spots: &[Point2<f64>], cloud: &Cloud, config: &LaneConfig) -> Vec<Axis> 
         while let Some(axis) =
             (axes.len() < config.side.most_axes).then(|| best_axis(&here, &middle, &path, config)).flatten()
         {
-            here.retain(|p| axis.place_m(p).1.abs() > config.apart_m);
+            here.retain(|spot| axis.place_m(&spot.at).1.abs() > config.apart_m);
             axes.push(axis);
         }
         axes
@@ -215,7 +230,7 @@ fn axes(spots: &[Point2<f64>], cloud: &Cloud, config: &LaneConfig) -> Vec<Axis> 
 
 /// The most significant axis among spots around a middle; `path` is the
 /// direction that it does not have.
-fn best_axis(spots: &[Point2<f64>], middle: &Point2<f64>, path: &Vector2<f64>, config: &LaneConfig) -> Option<Axis> {
+fn best_axis(spots: &[Spot], middle: &Point2<f64>, path: &Vector2<f64>, config: &LaneConfig) -> Option<Axis> {
     let side = &config.side;
     if spots.len() < usize::from(side.fewest_spots) {
         return None;
@@ -226,7 +241,7 @@ fn best_axis(spots: &[Point2<f64>], middle: &Point2<f64>, path: &Vector2<f64>, c
     let reach_m = config.window_m * std::f64::consts::FRAC_1_SQRT_2;
     let beside = (config.beside_line_m / cell_m).ceil() as usize;
     let mut votes = vec![0_u16; (2.0 * reach_m / cell_m) as usize + 2 * beside + 3];
-    let from_middle: Vec<Vector2<f64>> = spots.iter().map(|p| p - middle).collect();
+    let from_middle: Vec<Vector2<f64>> = spots.iter().map(|spot| spot.at - middle).collect();
     let mut best: Option<(f64, Vector2<f64>, f64)> = None;
     for step in 0..steps {
         let angle_rad = std::f64::consts::PI * step as f64 / steps as f64;
@@ -256,9 +271,13 @@ fn best_axis(spots: &[Point2<f64>], middle: &Point2<f64>, path: &Vector2<f64>, c
         }
     }
     let (score, direction, off_m) = best?;
-    let is_on = |p: &&Point2<f64>| ((*p - middle).perp(&direction) - off_m).abs() <= cell_m;
-    let (count, sum) = spots.iter().filter(is_on).fold((0.0, Vector2::zeros()), |s, p| (s.0 + 1.0, s.1 + p.coords));
-    Some(Axis { middle: Point2::from(sum / f64::max(count, 1.0)), direction, score })
+    let is_on = |spot: &&Spot| ((spot.at - middle).perp(&direction) - off_m).abs() <= cell_m;
+    let on = spots.iter().filter(is_on);
+    let (count, sum, contrast) = on.fold((0.0, Vector2::zeros(), 0.0), |s, spot| {
+        (s.0 + 1.0, s.1 + spot.at.coords, s.2 + f64::from(spot.contrast))
+    });
+    let count = f64::max(count, 1.0);
+    Some(Axis { middle: Point2::from(sum / count), direction, score, contrast: contrast / count })
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ use divan::counter::{BytesCount, ItemsCount};
 use mapper::build::{build, find_lanes};
 use mapper::cloud::Cloud;
 use mapper::drive::Drive;
-use mapper::ground::Ground;
+use mapper::ground::{Ground, Heights};
 use mapper::poles::{FittedPole, Plumb, Stack, Stacks, find_poles, fit_pole};
 use mapper::register::{Registration, refine};
 use mapper::signs::find_signs;
@@ -105,8 +105,9 @@ fn stitch(bencher: Bencher) {
 fn ground(bencher: Bencher) {
     let Cloud { points, ground, path, path_index, .. } = &CASE.cloud;
     bencher.counter(ItemsCount::new(points.len())).bench(|| {
-        let positions = points.iter().map(|p| p.position);
-        Ground::grow(positions, path, path_index, ground.grid().clone(), &CASE.config.ground)
+        let mut heights = Heights::new(path, path_index, ground.grid().clone());
+        heights.add(points.iter().map(|p| p.position));
+        Ground::grow(heights, path, &CASE.config.ground)
     });
 }
 

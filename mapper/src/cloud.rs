@@ -1,16 +1,15 @@
 //! The stitched cloud of one stretch of road.
 
-use std::ops::Range;
-
 use common::geometry::Pose;
 use nalgebra::{Point2, Point3};
 use rayon::prelude::*;
 
+use crate::by_cell::ByCell;
 use crate::config::Config;
 use crate::drive::Drive;
 use crate::error::Result;
 use crate::grid::Grid;
-use crate::ground::{Ground, GroundConfig};
+use crate::ground::{Ground, GroundConfig, Heights};
 use crate::lanes::Contrasts;
 use crate::path::{Path, PathIndex, PathPlace};
 use crate::register::Registration;
@@ -65,13 +64,6 @@ pub struct Cloud {
     pub scans: Vec<StitchedScan>,
     standing: ByCell,
     lying: ByCell,
-}
-
-/// Indices of some points by the cell of a grid that they lie in.
-pub(crate) struct ByCell {
-    points: Vec<u32>,
-    /// Where each cell begins in `points`.
-    starts: Vec<u32>,
 }
 
 /// What part of the world is stitched.
@@ -131,6 +123,11 @@ impl Corridor {
         Self { path, path_index, grid, inside }
     }
 
+    /// Heights of points in it: none yet.
+    fn heights(&self) -> Heights {
+        Heights::new(&self.path, &self.path_index, self.grid.clone())
+    }
+
     /// Whether a point (map frame, metres) lies in a cell of the corridor.
     pub fn contains(&self, p: &Point3<f64>) -> bool {
         self.grid.index(&Point2::new(p.x, p.z)).is_some_and(|i| self.inside[i])
@@ -150,6 +147,7 @@ impl Cloud {
             map_from_camera[first..=last].iter().map(|p| p.translation.vector.into()).collect();
         let corridor = Corridor::new(&centres, config, settings.ground.cell_m);
         let range = config.min_range_m..config.max_range_m;
+        let mut heights = corridor.heights();
         let mut points = Vec::new();
         let mut sensor_map = Vec::new();
         let mut scans = Vec::new();
@@ -191,23 +189,37 @@ impl Cloud {
             |_, (sensor, read, mut stitched)| {
                 scans.push(read);
                 sensor_map.push(sensor);
+                heights.add(stitched.iter().map(|p| p.position));
                 points.append(&mut stitched);
             },
         )?;
-        Ok(Self::over(corridor, points, sensor_map, scans, &settings.ground))
+        let ground = Ground::grow(heights, &corridor.path, &settings.ground);
+        Ok(Self::over_ground(ground, corridor, points, sensor_map, scans, &settings.ground))
     }
 
     /// The cloud of points in a corridor: grows the ground under them and
     /// gives each its height above it.
     pub fn over(
         corridor: Corridor,
+        points: Vec<CloudPoint>,
+        sensor_map: Vec<Point3<f64>>,
+        scans: Vec<StitchedScan>,
+        config: &GroundConfig,
+    ) -> Self {
+        let mut heights = corridor.heights();
+        heights.add(points.iter().map(|p| p.position));
+        let ground = Ground::grow(heights, &corridor.path, config);
+        Self::over_ground(ground, corridor, points, sensor_map, scans, config)
+    }
+
+    fn over_ground(
+        ground: Ground,
+        Corridor { path, path_index, .. }: Corridor,
         mut points: Vec<CloudPoint>,
         sensor_map: Vec<Point3<f64>>,
         scans: Vec<StitchedScan>,
         config: &GroundConfig,
     ) -> Self {
-        let Corridor { path, path_index, grid, .. } = corridor;
-        let ground = Ground::grow(points.iter().map(|p| p.position), &path, &path_index, grid, config);
         let thickness_m = config.thickness_m as f32;
         // The height map may lie below a kerb, and above a gutter.
         let step_m = config.largest_step_m as f32;
@@ -226,7 +238,7 @@ impl Cloud {
         let by_cell = |flag: u32| {
             ByCell::new(&cells, ground.grid(), |c| (c & flag != 0).then_some((c & !(STANDS | LIES)) as usize))
         };
-        let (standing, lying) = (by_cell(STANDS), by_cell(LIES));
+        let (standing, lying) = rayon::join(|| by_cell(STANDS), || by_cell(LIES));
         let view_weight = view_weights(&sensor_map);
         Self { points, ground, path, path_index, sensor_map, view_weight, scans, standing, lying }
     }
@@ -310,53 +322,6 @@ fn view_weights(sensor_map: &[Point3<f64>]) -> Vec<f64> {
 /// Flags beside the index of a cell, of which a window has far fewer than 2^30.
 const STANDS: u32 = 1 << 31;
 const LIES: u32 = 1 << 30;
-
-impl ByCell {
-    /// Counting sort of points by the cell of a grid that each counts in; what
-    /// counts in none is left out.
-    pub fn new<P>(points: &[P], grid: &Grid, cell: impl Fn(&P) -> Option<usize>) -> Self {
-        let mut starts = vec![0_u32; grid.len() + 1];
-        points.iter().filter_map(&cell).for_each(|c| starts[c + 1] += 1);
-        for i in 1..starts.len() {
-            starts[i] += starts[i - 1];
-        }
-        let mut by_cell = vec![0_u32; starts.last().map_or(0, |n| *n as usize)];
-        for (i, p) in points.iter().enumerate() {
-            if let Some(c) = cell(p) {
-                by_cell[starts[c] as usize] = i as u32;
-                starts[c] += 1;
-            }
-        }
-        // Each start has moved on to the next one.
-        starts.copy_within(..grid.len(), 1);
-        starts[0] = 0;
-        Self { points: by_cell, starts }
-    }
-
-    /// Indices of the points whose cell is within so many of the one at map
-    /// (x, z), row by row; `grid` is that of [`Self::new`].
-    pub fn near<'a>(&'a self, at: &Point2<f64>, cells: usize, grid: &'a Grid) -> impl Iterator<Item = usize> {
-        let span = move |c: usize, n: usize| c.saturating_sub(cells)..(c + cells + 1).min(n);
-        let around = grid.cell(at).map(|(x, z)| self.within(span(x, grid.width), span(z, grid.height), grid));
-        around.into_iter().flatten()
-    }
-
-    /// Indices of the points in columns and rows of the grid, row by row.
-    fn within<'a>(
-        &'a self,
-        columns: Range<usize>,
-        rows: Range<usize>,
-        grid: &'a Grid,
-    ) -> impl Iterator<Item = usize> + 'a {
-        rows.flat_map(move |z| {
-            columns.clone().flat_map(move |x| self.of_cell(z * grid.width + x).iter().map(|i| *i as usize))
-        })
-    }
-
-    fn of_cell(&self, cell: usize) -> &[u32] {
-        &self.points[self.starts[cell] as usize..self.starts[cell + 1] as usize]
-    }
-}
 
 #[cfg(test)]
 mod tests {

@@ -190,21 +190,27 @@ impl Drive {
     ///
     /// # Errors
     /// The first error in the order of the frames.
-    pub fn for_each<T: Send>(
+    pub fn for_each<'a, T: Send>(
         &self,
-        frames: &[usize],
+        frames: &'a [usize],
         vertical_angle_rad: f64,
         map: impl Fn(usize, LidarScan) -> T + Sync,
-        mut each: impl FnMut(usize, T),
+        mut each: impl FnMut(usize, T) + Send,
     ) -> Result<()> {
         // One scan for each thread: what one takes while it is read and
         // stitched, some 14 MB, comes on top of the cloud.
-        for batch in frames.chunks(rayon::current_num_threads().max(1)) {
-            let read: Vec<Result<T>> =
-                batch.par_iter().map(|&f| Ok(map(f, self.read(f, vertical_angle_rad)?))).collect();
-            for (&frame, result) in batch.iter().zip(read) {
-                each(frame, result?);
-            }
+        let mut batches = frames.chunks(rayon::current_num_threads().max(1));
+        let read = |batch: &'a [usize]| {
+            let results = batch.par_iter().map(|&f| Ok(map(f, self.read(f, vertical_angle_rad)?)));
+            (batch, results.collect::<Vec<Result<T>>>())
+        };
+        let mut ahead = batches.next().map(read);
+        while let Some((batch, results)) = ahead {
+            // What one batch gave is taken while the next one is read.
+            let take = || batch.iter().zip(results).try_for_each(|(&frame, result)| result.map(|r| each(frame, r)));
+            let (next, taken) = rayon::join(|| batches.next().map(read), take);
+            taken?;
+            ahead = next;
         }
         Ok(())
     }

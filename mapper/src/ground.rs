@@ -40,6 +40,7 @@ impl Default for GroundConfig {
 const LOWEST_M: f64 = -6.0;
 const HIGHEST_M: f64 = 3.0;
 const BIN_M: f64 = 0.05;
+const BINS: usize = ((HIGHEST_M - LOWEST_M) / BIN_M) as usize;
 
 /// A height map of the ground. Heights are along -y of the map.
 #[derive(Debug, Clone)]
@@ -75,48 +76,64 @@ impl Ord for Step {
     }
 }
 
-impl Ground {
-    /// Grows the ground from the driven path outwards over cells whose lowest
-    /// well-supported height steps little from their neighbour's.
-    pub fn grow(
-        points_map: impl Iterator<Item = Point3<f64>>,
-        path: &Path,
-        path_index: &PathIndex,
-        grid: Grid,
-        config: &GroundConfig,
-    ) -> Self {
-        let bins = ((HIGHEST_M - LOWEST_M) / BIN_M) as usize;
-        let camera_height: Vec<f64> = (0..grid.len())
+/// The heights of points, by cell of a grid and by bin around the height of the
+/// camera there.
+pub struct Heights {
+    grid: Grid,
+    /// Height of the camera over each cell.
+    camera: Vec<f64>,
+    /// Points of each bin of each cell.
+    counts: Vec<u16>,
+    /// Sums of their heights above the lowest bin, metres.
+    sums: Vec<f32>,
+}
+
+impl Heights {
+    /// No heights yet, beside a path.
+    pub fn new(path: &Path, path_index: &PathIndex, grid: Grid) -> Self {
+        let camera = (0..grid.len())
             .map(|i| grid.centre(i))
             .map(|p| path_index.place(path, &p).unwrap_or_else(|| path.place(&p)))
             .map(|place| -path.at(place.station_m).0.y)
             .collect();
-        let mut counts = vec![0_u16; grid.len() * bins];
-        let mut sums = vec![0.0_f32; grid.len() * bins];
+        let count = grid.len() * BINS;
+        Self { grid, camera, counts: vec![0; count], sums: vec![0.0; count] }
+    }
+
+    /// Adds points, map frame, metres.
+    pub fn add(&mut self, points_map: impl Iterator<Item = Point3<f64>>) {
         for p in points_map {
-            let Some(cell) = grid.index(&Point2::new(p.x, p.z)) else { continue };
-            let relative = -p.y - camera_height[cell] - LOWEST_M;
+            let Some(cell) = self.grid.index(&Point2::new(p.x, p.z)) else { continue };
+            let relative = -p.y - self.camera[cell] - LOWEST_M;
             let bin = relative / BIN_M;
-            if bin >= 0.0 && bin < bins as f64 {
-                let k = cell * bins + bin as u32 as usize;
-                counts[k] = counts[k].saturating_add(1);
-                sums[k] += relative as f32;
+            if bin >= 0.0 && bin < BINS as f64 {
+                let k = cell * BINS + bin as u32 as usize;
+                self.counts[k] = self.counts[k].saturating_add(1);
+                self.sums[k] += relative as f32;
             }
         }
-        let lowest = |cell: usize| {
-            lowest_supported(
-                &counts[cell * bins..(cell + 1) * bins],
-                &sums[cell * bins..(cell + 1) * bins],
-                config.fewest_points,
-            )
-            .map(|h| h + LOWEST_M + camera_height[cell])
-        };
-        let candidate: Vec<Option<f64>> = (0..grid.len()).map(lowest).collect();
+    }
+
+    /// The lowest height in a cell that so many points support.
+    fn lowest(&self, cell: usize, fewest: u32) -> Option<f64> {
+        let bins = cell * BINS..(cell + 1) * BINS;
+        let height = lowest_supported(&self.counts[bins.clone()], &self.sums[bins], fewest)?;
+        Some(height + LOWEST_M + self.camera[cell])
+    }
+}
+
+impl Ground {
+    /// Grows the ground from the driven path outwards over cells whose lowest
+    /// well-supported height steps little from their neighbour's.
+    pub fn grow(heights: Heights, path: &Path, config: &GroundConfig) -> Self {
+        let grid = &heights.grid;
+        let candidate: Vec<Option<f64>> =
+            (0..grid.len()).map(|cell| heights.lowest(cell, config.fewest_points)).collect();
 
         let mut height_m = vec![f64::NAN; grid.len()];
         let mut seen = vec![false; grid.len()];
         let mut queue = BinaryHeap::new();
-        let (seeds, under_path) = seeds(&grid, path, &camera_height, &candidate);
+        let (seeds, under_path) = seeds(grid, path, &heights.camera, &candidate);
         for (cell, h) in seeds {
             queue.push(Reverse((Step(0.0), cell, Step(h))));
         }
@@ -139,8 +156,8 @@ impl Ground {
                 queue.push(Reverse((Step(cost), next, Step(height_m[cell]))));
             }
         }
-        level_hidden(&grid, &mut height_m, &seen);
-        Self { grid, height_m, seen, under_path }
+        level_hidden(grid, &mut height_m, &seen);
+        Self { grid: heights.grid, height_m, seen, under_path }
     }
 
     /// Height of the ground (along -y of the map, metres) at map (x, z),
@@ -271,7 +288,9 @@ mod tests {
         }
         let corridor = Corridor::new(&centres, &CloudConfig::default(), 1.0);
         let Corridor { path, path_index, grid, .. } = corridor;
-        Ground::grow(points.into_iter(), &path, &path_index, grid, &GroundConfig::default())
+        let mut heights = Heights::new(&path, &path_index, grid);
+        heights.add(points.into_iter());
+        Ground::grow(heights, &path, &GroundConfig::default())
     }
 
     #[test]

@@ -10,6 +10,7 @@
 pub mod atlas;
 pub mod budget;
 pub mod build;
+mod by_cell;
 pub mod cli;
 pub mod cloud;
 pub mod config;

@@ -5,7 +5,8 @@ use nalgebra::{Point2, Point3, Vector1};
 
 use super::scatter::{Components, Scatter};
 use super::{EvidenceConfig, LineEvidence};
-use crate::cloud::{ByCell, Cloud, CloudPoint};
+use crate::by_cell::ByCell;
+use crate::cloud::{Cloud, CloudPoint};
 use crate::config::Config;
 use crate::grid::Grid;
 

@@ -3,6 +3,7 @@
 use common::geometry::distance_to_polyline;
 use common::map::{LaneLine, Pole, SemanticMap, Sign};
 use nalgebra::{Matrix3, Point3};
+use rayon::prelude::*;
 
 use super::{
     EvidenceConfig, LineEvidence, LinePoints, MapEvidence, PointCovariances, PointEvidence, of_lane, of_pole, of_sign,
@@ -36,17 +37,22 @@ impl EvidenceBook {
         config: &Config,
     ) -> PointCovariances {
         let settings = &config.evidence;
-        let known = MapEvidence {
-            poles: poles.iter().map(|pole| of_pole(cloud, pole, settings)).collect(),
-            signs: signs.iter().map(|sign| of_sign(cloud, sign, settings, &config.lidar)).collect(),
+        let points = || MapEvidence {
+            poles: poles.par_iter().map(|pole| of_pole(cloud, pole, settings)).collect(),
+            signs: signs.par_iter().map(|sign| of_sign(cloud, sign, settings, &config.lidar)).collect(),
             lanes: Vec::new(),
         };
+        let lines = || -> Vec<(LaneLine, LineEvidence)> {
+            if lanes.is_empty() {
+                return Vec::new();
+            }
+            let paint = LinePoints::of(cloud, config);
+            lanes.iter().map(|lane| (lane.clone(), of_lane(&paint, lane, settings))).collect()
+        };
+        let (known, lines) = rayon::join(points, lines);
         self.poles.extend(poles.iter().map(|pole| pole.foot_map).zip(known.poles.iter().copied()));
         self.signs.extend(signs.iter().map(|sign| sign.centroid_map).zip(known.signs.iter().copied()));
-        if !lanes.is_empty() {
-            let paint = LinePoints::of(cloud, config);
-            self.lanes.extend(lanes.iter().map(|lane| (lane.clone(), of_lane(&paint, lane, settings))));
-        }
+        self.lanes.extend(lines);
         known.covariances()
     }
 

@@ -1,5 +1,7 @@
 //! Polylines with no more vertices than a tolerance needs.
 
+use std::cmp::Ordering;
+
 use nalgebra::{Point3, Vector3};
 
 /// Most points that one piece of the polyline replaces: bounds the work on
@@ -19,11 +21,14 @@ pub fn simplify(points: &[Point3<f64>], tolerance_m: f64) -> Vec<usize> {
     for end in 1..points.len() {
         for start in end.saturating_sub(LONGEST_PIECE)..end {
             let (pieces, cost, _) = best[start];
-            // More pieces than are needed: no use to measure them.
-            if pieces.saturating_add(1) > best[end].0 {
-                continue;
-            }
-            let Some(own) = squares(&points[start..=end], tolerance_m) else { continue };
+            // More pieces than are needed, or as many that lie farther off
+            // already: no use to measure them.
+            let most = match pieces.saturating_add(1).cmp(&best[end].0) {
+                Ordering::Less => f64::INFINITY,
+                Ordering::Equal => best[end].1 - cost,
+                Ordering::Greater => continue,
+            };
+            let Some(own) = squares(&points[start..=end], tolerance_m, most) else { continue };
             let candidate = (pieces + 1, cost + own, start);
             if candidate.0 < best[end].0 || candidate.1 < best[end].1 {
                 best[end] = candidate;
@@ -71,8 +76,9 @@ pub fn fitted(places: &[(f64, Point3<f64>)], kept: &[usize]) -> Vec<Point3<f64>>
 }
 
 /// Sum of the squared distances of the inner points from the line between the
-/// outer ones; none where one is farther off than the tolerance.
-fn squares(points: &[Point3<f64>], tolerance_m: f64) -> Option<f64> {
+/// outer ones; none where one is farther off than the tolerance, or where it
+/// comes to more than `most`.
+fn squares(points: &[Point3<f64>], tolerance_m: f64, most: f64) -> Option<f64> {
     let (a, b) = (points.first()?, points.last()?);
     let along = b - a;
     let length = along.norm_squared().max(1e-12);
@@ -88,10 +94,10 @@ fn squares(points: &[Point3<f64>], tolerance_m: f64) -> Option<f64> {
     let mut sum = 0.0;
     for p in points {
         let off = squared(p);
-        if off > tolerance_m * tolerance_m {
+        sum += off;
+        if off > tolerance_m * tolerance_m || sum > most {
             return None;
         }
-        sum += off;
     }
     Some(sum)
 }
@@ -128,7 +134,10 @@ mod tests {
         let on: Vec<_> = kept.iter().map(|i| bend[*i]).collect();
         let error = |vertices: &[Point3<f64>]| {
             let off = |p: &Point3<f64>| {
-                vertices.windows(2).filter_map(|pair| squares(&[pair[0], *p, pair[1]], 1e3)).fold(1e3, f64::min)
+                vertices
+                    .windows(2)
+                    .filter_map(|pair| squares(&[pair[0], *p, pair[1]], 1e3, f64::INFINITY))
+                    .fold(1e3, f64::min)
             };
             (bend.iter().map(off).sum::<f64>() / bend.len() as f64).sqrt()
         };
@@ -150,7 +159,7 @@ mod tests {
             prop_assert_eq!(kept.first(), Some(&0));
             prop_assert_eq!(kept.last(), Some(&(points.len() - 1)));
             for pair in kept.windows(2) {
-                prop_assert!(squares(&points[pair[0]..=pair[1]], tolerance_m + 1e-9).is_some());
+                prop_assert!(squares(&points[pair[0]..=pair[1]], tolerance_m + 1e-9, f64::INFINITY).is_some());
             }
         }
     }

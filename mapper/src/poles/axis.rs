@@ -338,23 +338,6 @@ const FEWEST_SLIM: usize = 2;
 /// Fewest hits that tell how wide a slice is.
 const FEWEST_ACROSS: usize = 4;
 
-/// The median height of the ground around a place, from heights (metres,
-/// ascending) of all hits near it: of the lowest layer that holds a fair share of them.
-pub(super) fn lowest_layer_m(heights: &[f64], thickness_m: f64, fewest: usize) -> Option<f64> {
-    let most = (0..heights.len()).map(|i| layer(heights, i, thickness_m).len()).max()?;
-    if most < fewest {
-        return None;
-    }
-    // Grass and the foot of a hedge make layers, too, but above it.
-    let lowest = (0..heights.len()).map(|i| layer(heights, i, thickness_m)).find(|l| 2 * l.len() >= most)?;
-    lowest.get(lowest.len() / 2).copied()
-}
-
-fn layer(heights: &[f64], from: usize, thickness_m: f64) -> &[f64] {
-    let end = heights.partition_point(|h| *h < heights[from] + thickness_m);
-    heights.get(from..end).unwrap_or(&[])
-}
-
 /// Place of a point above the ground plane.
 pub(super) fn above(at: Vector2<f64>) -> Point2<f64> {
     at.into()

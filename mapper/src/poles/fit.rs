@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
-use super::axis::{Axis, Hit, Plumb, SHELL_SPREAD, Shared, above, lowest_layer_m, radius_across, ransac, refine, slim};
+use super::axis::{Axis, Hit, Plumb, SHELL_SPREAD, Shared, above, radius_across, ransac, refine, slim};
 use super::fences::rail;
 use super::{PoleConfig, Stack};
 use crate::cloud::{Cloud, CloudPoint};
@@ -257,4 +257,21 @@ fn ground_under(cloud: &Cloud, axis: &Axis, lowest: f64, config: &PoleConfig) ->
         lowest_layer_m(&heights, config.ground_layer_m, config.fewest_points)
     };
     Some(config.foot_radii_m.iter().find_map(|radius_m| around(*radius_m)).unwrap_or(coarse))
+}
+
+/// The median height of the ground around a place, from heights (metres,
+/// ascending) of all hits near it: of the lowest layer that holds a fair share of them.
+fn lowest_layer_m(heights: &[f64], thickness_m: f64, fewest: usize) -> Option<f64> {
+    let most = (0..heights.len()).map(|i| layer(heights, i, thickness_m).len()).max()?;
+    if most < fewest {
+        return None;
+    }
+    // Grass and the foot of a hedge make layers, too, but above it.
+    let lowest = (0..heights.len()).map(|i| layer(heights, i, thickness_m)).find(|l| 2 * l.len() >= most)?;
+    lowest.get(lowest.len() / 2).copied()
+}
+
+fn layer(heights: &[f64], from: usize, thickness_m: f64) -> &[f64] {
+    let end = heights.partition_point(|h| *h < heights[from] + thickness_m);
+    heights.get(from..end).unwrap_or(&[])
 }

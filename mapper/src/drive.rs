@@ -198,7 +198,7 @@ impl Drive {
         mut each: impl FnMut(usize, T) + Send,
     ) -> Result<()> {
         // One scan for each thread: what one takes while it is read and
-        // stitched, some 14 MB, comes on top of the cloud.
+        // stitched, some 14 MB, comes on top of the cloud, and what one gave.
         let mut batches = frames.chunks(rayon::current_num_threads().max(1));
         let read = |batch: &'a [usize]| {
             let results = batch.par_iter().map(|&f| Ok(map(f, self.read(f, vertical_angle_rad)?)));

@@ -69,9 +69,13 @@ impl RoadPoints {
             cell.unwrap_or(grid.len()) as u32
         };
         let mut cells: Vec<u32> = Vec::with_capacity(parts.iter().map(Vec::len).sum());
-        parts.iter().for_each(|part| cells.extend(part.iter().map(cell)));
+        for part in parts {
+            cells.extend(part.iter().map(cell));
+        }
         let mut starts = vec![0_u32; grid.len() + 2];
-        cells.iter().for_each(|c| starts[*c as usize + 1] += 1);
+        for c in &cells {
+            starts[*c as usize + 1] += 1;
+        }
         for i in 1..starts.len() {
             starts[i] += starts[i - 1];
         }

@@ -293,7 +293,9 @@ fn hits_of_beam(hits: &[Hit], shared: Shared, config: &PoleConfig) -> Vec<f64> {
     beams.sort_unstable();
     let mut counts = vec![0.0; hits.len()];
     for of_beam in beams.chunk_by(|a, b| a.0 == b.0) {
-        of_beam.iter().for_each(|(_, hit)| counts[*hit] = of_beam.len() as f64);
+        for (_, hit) in of_beam {
+            counts[*hit] = of_beam.len() as f64;
+        }
     }
     counts
 }

@@ -77,6 +77,7 @@ pub const LIMITS: &[Limits] = &[
     limits("lanes.*bin_m", 0.05, 10.0),
     limits("lanes.profile_m", 0.025, 5.0),
     limits("lanes.half_line_m", 0.02, 2.0),
+    limits("lanes.half_core_m", 0.01, 2.0),
     limits("lanes.fords.cell_m", 0.02, 2.0),
     limits("lanes.side.thin_m", 0.02, 2.0),
     limits("lanes.side.most_axes", 0.0, 20.0),

@@ -73,6 +73,7 @@ pub const LIMITS: &[Limits] = &[
     limits("poles.*_m", 0.0, 60.0),
     limits("signs.*_m", 0.0, 60.0),
     limits("lanes.window_m", 2.0, 200.0),
+    limits("lanes.apart_m", 0.0, 5.0),
     limits("lanes.*step_m", 0.1, 200.0),
     limits("lanes.*bin_m", 0.05, 10.0),
     limits("lanes.profile_m", 0.025, 5.0),

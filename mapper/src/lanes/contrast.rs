@@ -96,10 +96,7 @@ impl<'a> Contrasts<'a> {
             *steps = rounded(first + (last - first) * (s as f64 / (SAMPLES - 1) as f64)) as usize;
         }
         // They go outwards: what lies beyond the scan are the last of them.
-        let mut count = SAMPLES;
-        while count > 0 && steps[count - 1] > room {
-            count -= 1;
-        }
+        let count = steps.iter().take_while(|steps| **steps <= room).count();
         let mut darker = 0;
         for steps in &steps[..count] {
             darker += usize::from(reflectance[i] - reflectance[beside(*steps)] > config.least_noise);

@@ -25,6 +25,9 @@ pub struct RobustConfig {
     /// other matches are tried: a wrong one in the first round may have led
     /// the rest astray. 2 asks twice in half of the frames.
     pub doubted_cost: f64,
+    /// Matches that are worth less than this, nats, are doubted as well: two
+    /// good ones, what holds a pose.
+    pub doubted_worth: f64,
     /// Share of the prediction's covariance that is the gate then: only what
     /// lies near the prediction is matched in the first round.
     pub narrow_share: f64,
@@ -38,7 +41,15 @@ pub struct RobustConfig {
 
 impl Default for RobustConfig {
     fn default() -> Self {
-        Self { max_rounds: 5, gate_inflation: 4.0, doubted_cost: 2.0, narrow_share: 0.1, left_out: 3, least_move: 1.0 }
+        Self {
+            max_rounds: 5,
+            gate_inflation: 4.0,
+            doubted_cost: 2.0,
+            doubted_worth: 6.0,
+            narrow_share: 0.1,
+            left_out: 3,
+            least_move: 1.0,
+        }
     }
 }
 
@@ -182,7 +193,8 @@ impl Associator {
     ) -> Option<Refined> {
         let predicted = prior.map_from_camera;
         let mut best = self.refine(scene, &predicted, covariance, prior, config, solver)?;
-        if best.prior_cost <= config.doubted_cost {
+        let holds = self.matcher.worth() >= config.doubted_worth;
+        if best.prior_cost <= config.doubted_cost && holds {
             return Some(best);
         }
         let view = View::new(scene.camera, &best.map_from_camera);

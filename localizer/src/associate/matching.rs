@@ -57,6 +57,13 @@ pub struct Match {
     pub unseen: f64,
 }
 
+impl Match {
+    /// Both are of the same feature and landmark.
+    pub fn is_same(&self, other: &Self) -> bool {
+        self.landmark == other.landmark && self.feature == other.feature
+    }
+}
+
 /// Buffers of the matching, and its result.
 #[derive(Debug, Clone, Default)]
 pub struct Matcher {

@@ -28,8 +28,8 @@ pub struct RobustConfig {
     /// Matches that are worth less than this, nats, are doubted as well: two
     /// good ones, what holds a pose.
     pub doubted_worth: f64,
-    /// Share of the prediction's covariance that is the gate then: only what
-    /// lies near the prediction is matched in the first round.
+    /// Share of the prediction's covariance that is the gate of other starts:
+    /// only what lies near is matched in the first round.
     pub narrow_share: f64,
     /// They are tried at the prediction, and at the poses that are left without
     /// one object of the doubted matches: at no more of these than so many.
@@ -177,9 +177,12 @@ impl Associator {
     }
 
     /// Associates and localizes from where `prior` expects the camera. Where
-    /// the pose comes out far from there, a wrong match may have drawn the
-    /// others after it: then other starts are tried, and the pose for which the
-    /// frame says most is taken.
+    /// the pose comes out far from there or is held by little, a wrong match may
+    /// have drawn the others after it: then other starts are tried, and the pose
+    /// for which the frame says most is taken. Matches that lie nearest to the
+    /// prediction and that are not those of the pose are always tried: the wide
+    /// gate of the first round lets a neighbour through, and what it draws aside
+    /// finds more of its kind.
     ///
     /// Returns none where the prior's information is no covariance.
     pub fn refine_predicted(
@@ -193,16 +196,24 @@ impl Associator {
     ) -> Option<Refined> {
         let predicted = prior.map_from_camera;
         let mut best = self.refine(scene, &predicted, covariance, prior, config, solver)?;
-        let holds = self.matcher.worth() >= config.doubted_worth;
-        if best.prior_cost <= config.doubted_cost && holds {
-            return Some(best);
-        }
-        let view = View::new(scene.camera, &best.map_from_camera);
-        let matches = &self.matcher.matches;
-        let without = poses_without(matches, &view, &best.map_from_camera, prior, separation.object_m, solver);
-        let without = without.into_iter().filter(|(cost, _)| *cost > config.least_move);
-        let narrow = covariance * config.narrow_share;
+        let doubted = best.prior_cost > config.doubted_cost || self.matcher.worth() < config.doubted_worth;
         self.believed.clone_from(&self.matcher.matches);
+        let narrow = covariance * config.narrow_share;
+        if !doubted {
+            // Where the same matches lie nearest to the prediction, it ends here.
+            self.matcher.find(scene, &predicted, &narrow);
+            if self.matcher.matches.iter().all(|m| self.believed.iter().any(|b| b.is_same(m))) {
+                self.matcher.matches.clone_from(&self.believed);
+                return Some(best);
+            }
+        }
+        let without = if doubted {
+            let view = View::new(scene.camera, &best.map_from_camera);
+            poses_without(&self.believed, &view, &best.map_from_camera, prior, separation.object_m, solver)
+        } else {
+            Vec::new()
+        };
+        let without = without.into_iter().filter(|(cost, _)| *cost > config.least_move);
         for start in std::iter::once(predicted).chain(without.map(|(_, pose)| pose).take(config.left_out)) {
             let other = self.refine(scene, &start, &narrow, prior, config, solver)?;
             if other.evidence() > best.evidence() {

@@ -11,7 +11,8 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 
-use crate::{Error, Result, config::Config};
+use crate::config::{Config, LIMITS};
+use crate::{Error, Result};
 
 /// Localizes a camera against a compact semantic map.
 #[derive(Debug, Parser)]
@@ -48,10 +49,10 @@ impl ConfigArgs {
     /// The settings; none where they were to be printed, and are.
     ///
     /// # Errors
-    /// As [`common::config::load`].
+    /// As [`common::config::load_within`].
     pub fn load(&self) -> Result<Option<Config>> {
         let config = match &self.config {
-            Some(path) => common::config::load(path)?,
+            Some(path) => common::config::load_within(path, LIMITS)?,
             None => Config::default(),
         };
         if self.print_config {

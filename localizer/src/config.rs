@@ -1,5 +1,6 @@
 //! All settings of the localizer, as they stand in its TOML file.
 
+use common::config::{Limits, limits};
 use serde::{Deserialize, Serialize};
 
 use crate::associate::detection::DetectionConfig;
@@ -16,6 +17,16 @@ use crate::solver::SolverConfig;
 use crate::start::StartConfig;
 use crate::tracker::{BankConfig, HealthConfig, NearbyConfig, RivalConfig};
 use crate::vision::VisionConfig;
+
+/// What some numbers of [`Config`] may be: cells of the search that are ever
+/// finer, and rounds without number, take all memory or all time.
+pub const LIMITS: &[Limits] = &[
+    limits("start.step_m", 0.05, 100.0),
+    limits("start.step_rad", 0.002, 3.2),
+    limits("start.max_cells", 1.0, 1e7),
+    limits("robust.max_rounds", 1.0, 1000.0),
+    limits("vision.poles.ransac_rounds", 1.0, 1e6),
+];
 
 /// Settings by stage; the defaults need no file.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -55,4 +66,21 @@ pub struct Config {
     pub gps: GpsConfig,
     /// What of an atlas is held in memory.
     pub local_map: LocalMapConfig,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_limit_is_of_a_setting_and_holds_its_default() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("all.toml");
+        std::fs::write(&file, common::config::to_toml(&Config::default()).unwrap()).unwrap();
+        common::config::load_within::<Config>(&file, LIMITS).unwrap();
+        for wanted in LIMITS {
+            let none = [limits(wanted.key, 1.0, 0.0)];
+            assert!(common::config::load_within::<Config>(&file, &none).is_err(), "{}", wanted.key);
+        }
+    }
 }

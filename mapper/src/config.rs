@@ -66,6 +66,7 @@ pub const LIMITS: &[Limits] = &[
     limits("refine.*reach_m", 0.0, 20.0),
     limits("refine.*_m", 0.0, 10_000.0),
     limits("ground.cell_m", 0.1, 20.0),
+    limits("ground.*_m", 0.0, 100.0),
     limits("roads.length_m", 5.0, 1000.0),
     limits("roads.*_m", 0.0, 10_000.0),
     limits("poles.column_m", 0.02, 1.0),

@@ -25,14 +25,25 @@ pub struct GroundConfig {
     pub thickness_m: f64,
     /// Least share of the driven path under which ground must be seen at the
     /// vehicle's usual height, in the best window of a drive. Real drives show
-    /// it under three quarters and more. Where the axes of scans and poses do
-    /// not belong together, planes that cross the path pass for it under a tenth.
+    /// it under more than half; under a tenth the axes of scans and poses do
+    /// not belong together.
     pub least_under_path: f64,
+    /// Least and largest height of the camera above the ground, metres, from
+    /// that of a small robot to that of a truck: what lies elsewhere under the
+    /// path is no ground.
+    pub camera_height_m: [f64; 2],
 }
 
 impl Default for GroundConfig {
     fn default() -> Self {
-        Self { cell_m: 1.0, fewest_points: 4, largest_step_m: 0.3, thickness_m: 0.15, least_under_path: 0.25 }
+        Self {
+            cell_m: 1.0,
+            fewest_points: 4,
+            largest_step_m: 0.3,
+            thickness_m: 0.15,
+            least_under_path: 0.1,
+            camera_height_m: [0.2, 4.0],
+        }
     }
 }
 
@@ -133,7 +144,7 @@ impl Ground {
         let mut height_m = vec![f64::NAN; grid.len()];
         let mut seen = vec![false; grid.len()];
         let mut queue = BinaryHeap::new();
-        let (seeds, under_path) = seeds(grid, path, &heights.camera, &candidate);
+        let (seeds, under_path) = seeds(grid, path, &heights.camera, &candidate, config);
         for (cell, h) in seeds {
             queue.push(Reverse((Step(0.0), cell, Step(h))));
         }
@@ -233,7 +244,13 @@ fn lowest_supported(counts: &[u16], sums: &[f32], fewest: u32) -> Option<f64> {
 
 /// Cells under the path at the camera's usual height above the ground, and
 /// their share of all cells under the path.
-fn seeds(grid: &Grid, path: &Path, camera_height: &[f64], candidate: &[Option<f64>]) -> (Vec<(usize, f64)>, f64) {
+fn seeds(
+    grid: &Grid,
+    path: &Path,
+    camera_height: &[f64],
+    candidate: &[Option<f64>],
+    config: &GroundConfig,
+) -> (Vec<(usize, f64)>, f64) {
     let length_m = path.end_station_m() - path.start_station_m();
     let steps = (length_m / grid.cell_m).ceil().max(1.0) as usize;
     let cell_at = |step: usize| {
@@ -244,8 +261,12 @@ fn seeds(grid: &Grid, path: &Path, camera_height: &[f64], candidate: &[Option<f6
     let mut cells: Vec<usize> = (0..=steps).filter_map(cell_at).collect();
     cells.sort_unstable();
     cells.dedup();
-    let mut under: Vec<(usize, f64)> =
-        cells.iter().filter_map(|&cell| Some((cell, candidate[cell]? - camera_height[cell]))).collect();
+    let [least_m, most_m] = config.camera_height_m;
+    let mut under: Vec<(usize, f64)> = cells
+        .iter()
+        .filter_map(|&cell| Some((cell, candidate[cell]? - camera_height[cell])))
+        .filter(|(_, h)| (least_m..=most_m).contains(&-h))
+        .collect();
     under.sort_by(|a, b| a.1.total_cmp(&b.1));
     let Some(&(_, usual)) = under.get(under.len() / 2) else { return (Vec::new(), 0.0) };
     let level: Vec<(usize, f64)> = under

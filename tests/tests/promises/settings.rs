@@ -57,7 +57,7 @@ fn a_drive_by_a_settings_file_and_settings_that_make_no_drive() {
     assert_eq!((&options["world"]["frames"], &options["scan_every"]), (&3.into(), &2.into()));
     generate("[lidar]\nmax_rang_m = 3\n", &[]).refused(&["drive.toml:2", "did you mean `max_range_m`"]);
     generate("[labels]\nmax_range_m = -1.0\n", &[]).refused(&["labels.max_range_m is -1"]);
-    generate("[lidar]\ndropout = nan\n", &[]).refused(&["[lidar]", "not finite"]);
+    generate("[lidar]\ndropout = nan\n", &[]).refused(&["drive.toml:2", "`lidar.dropout` is NaN", "no finite number"]);
     generate("[logs.gnss]\nrate_hz = 0.0\n", &[]).refused(&["gnss.rate_hz is 0"]);
 }
 

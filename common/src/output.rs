@@ -8,7 +8,7 @@ pub fn print(text: &str) {
     let _ = std::io::stdout().write_all(text.as_bytes());
 }
 
-/// As `println!`, by [`print`](output::print).
+/// As `println!`, by [`output::print`]($crate::output::print).
 #[macro_export]
 macro_rules! say {
     ($($part:tt)*) => { $crate::output::print(&(format!($($part)*) + "\n")) };

@@ -67,20 +67,3 @@ pub struct Config {
     /// What of an atlas is held in memory.
     pub local_map: LocalMapConfig,
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_limit_is_of_a_setting_and_holds_its_default() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("all.toml");
-        std::fs::write(&file, common::config::to_toml(&Config::default()).unwrap()).unwrap();
-        common::config::load_within::<Config>(&file, LIMITS).unwrap();
-        for wanted in LIMITS {
-            let none = [limits(wanted.key, 1.0, 0.0)];
-            assert!(common::config::load_within::<Config>(&file, &none).is_err(), "{}", wanted.key);
-        }
-    }
-}

@@ -62,8 +62,8 @@ pub struct Cloud {
     pub view_weight: Vec<f64>,
     /// The stitched scans.
     pub scans: Vec<StitchedScan>,
-    standing: ByCell,
-    lying: ByCell,
+    standing: ByCell<u32>,
+    lying: ByCell<u32>,
 }
 
 /// What part of the world is stitched.
@@ -236,7 +236,8 @@ impl Cloud {
             })
             .collect();
         let by_cell = |flag: u32| {
-            ByCell::new(&cells, ground.grid(), |c| (c & flag != 0).then_some((c & !(STANDS | LIES)) as usize))
+            let cell = move |c: &u32| (c & flag != 0).then_some((c & !(STANDS | LIES)) as usize);
+            ByCell::new(ground.grid(), cells.iter().map(cell).zip(0_u32..))
         };
         let (standing, lying) = rayon::join(|| by_cell(STANDS), || by_cell(LIES));
         let view_weight = view_weights(&sensor_map);
@@ -251,12 +252,12 @@ impl Cloud {
 
     /// The same within so many cells.
     pub fn within_cells(&self, at: &Point2<f64>, cells: usize) -> impl Iterator<Item = &CloudPoint> {
-        self.standing.near(at, cells, self.ground.grid()).map(move |i| &self.points[i])
+        self.standing.near(at, cells, self.ground.grid()).map(move |i| &self.points[*i as usize])
     }
 
     /// Points on the ground and up to a kerb above and below it, likewise.
     pub fn near_ground(&self, at: &Point2<f64>) -> impl Iterator<Item = &CloudPoint> {
-        self.lying.near(at, 1, self.ground.grid()).map(move |i| &self.points[i])
+        self.lying.near(at, 1, self.ground.grid()).map(move |i| &self.points[*i as usize])
     }
 
     /// The same of the cells of the rectangle around some places of map (x, z),
@@ -281,7 +282,7 @@ impl Cloud {
         let cells = rows.flat_map(move |z| columns.clone().map(move |x| z * grid.width + x));
         cells
             .filter(move |cell| is_near(&grid.centre(*cell), reach_m))
-            .flat_map(|cell| self.lying.of_cell(cell))
+            .flat_map(|cell| self.lying.of_cells(cell..cell + 1))
             .map(|i| &self.points[*i as usize])
     }
 

@@ -2,6 +2,12 @@
 
 use nalgebra::Point2;
 
+/// The whole part of a number; 0 of a negative one, 2^32 - 1 of a larger one. To
+/// 32 bits a cast is one instruction, to 64 unsigned ones a dozen.
+pub(crate) fn whole(v: f64) -> usize {
+    v as u32 as usize
+}
+
 /// Geometry of a dense grid: cells of `cell_m`, row after row along x.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
@@ -44,10 +50,7 @@ impl Grid {
 
     /// The same of a place in cells.
     pub fn cell_at(&self, [x, z]: [f64; 2]) -> Option<(usize, usize)> {
-        // Of numbers that are not negative the cast takes the whole part; to 32
-        // bits it is one instruction, to 64 unsigned ones a dozen.
-        (x >= 0.0 && z >= 0.0 && x < self.width as f64 && z < self.height as f64)
-            .then_some((x as u32 as usize, z as u32 as usize))
+        (x >= 0.0 && z >= 0.0 && x < self.width as f64 && z < self.height as f64).then_some((whole(x), whole(z)))
     }
 
     /// Index of the cell that holds a point; none outside.

@@ -6,7 +6,7 @@ use std::collections::BinaryHeap;
 use nalgebra::{Point2, Point3};
 use serde::{Deserialize, Serialize};
 
-use crate::grid::Grid;
+use crate::grid::{Grid, whole};
 use crate::path::{Path, PathIndex};
 
 /// How the ground is told from what stands on it.
@@ -118,7 +118,7 @@ impl Heights {
             let relative = -p.y - self.camera[cell] - LOWEST_M;
             let bin = relative / BIN_M;
             if bin >= 0.0 && bin < BINS as f64 {
-                let k = cell * BINS + bin as u32 as usize;
+                let k = cell * BINS + whole(bin);
                 self.counts[k] = self.counts[k].saturating_add(1);
                 self.sums[k] += relative as f32;
             }
@@ -183,9 +183,9 @@ impl Ground {
         let (column, row) = self.grid.cell_at(place)?;
         let centred = |w: f64, n: usize| (w - 0.5).max(0.0).min((n - 1) as f64);
         let (u, v) = (centred(place[0], self.grid.width), centred(place[1], self.grid.height));
-        let (x, z) = (u as u32 as usize, v as u32 as usize);
+        let (x, z) = (whole(u), whole(v));
         let (x1, z1) = ((x + 1).min(self.grid.width - 1), (z + 1).min(self.grid.height - 1));
-        let (fu, fv) = (u - f64::from(x as u32), v - f64::from(z as u32));
+        let (fu, fv) = (u - x as f64, v - z as f64);
         let at = |x: usize, z: usize| self.height_m[z * self.grid.width + x];
         let near = at(x, z) * (1.0 - fu) + at(x1, z) * fu;
         let far = at(x, z1) * (1.0 - fu) + at(x1, z1) * fu;

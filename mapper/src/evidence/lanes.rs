@@ -12,9 +12,8 @@ use crate::grid::Grid;
 
 /// The paint of a cloud, by place.
 pub struct LinePoints {
-    points: Vec<(Point3<f64>, u16)>,
+    points: ByCell<(Point3<f64>, u16)>,
     grid: Grid,
-    by_cell: ByCell,
 }
 
 /// Edge of the cells, metres: a few times the reach of a line.
@@ -36,13 +35,13 @@ impl LinePoints {
             (low, high) = if k == 0 { (at, at) } else { (low.inf(&at), high.sup(&at)) };
         }
         let grid = Grid::covering(low, high, CELL_M);
-        let by_cell = ByCell::new(&points, &grid, |(p, _)| grid.index(&Point2::new(p.x, p.z)));
-        Self { points, grid, by_cell }
+        let points = ByCell::new(&grid, points.iter().map(|p| (grid.index(&Point2::new(p.0.x, p.0.z)), *p)));
+        Self { points, grid }
     }
 
     /// Points near map (x, z).
     fn near(&self, at: &Point2<f64>) -> impl Iterator<Item = &(Point3<f64>, u16)> {
-        self.by_cell.near(at, 1, &self.grid).map(move |i| &self.points[i])
+        self.points.near(at, 1, &self.grid)
     }
 }
 

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use nalgebra::{Point2, Vector2};
 
 use super::LaneConfig;
+use crate::by_cell::ByCell;
 use crate::cloud::{Cloud, CloudPoint};
 use crate::grid::Grid;
 use crate::path::Path;
@@ -33,12 +34,9 @@ pub struct Paint {
 /// Road points by cell of station and offset: a line is asked for what is
 /// beside it, and most of the road is not.
 pub struct RoadPoints {
-    /// Cell by cell.
-    points: Vec<RoadPoint>,
+    points: ByCell<RoadPoint>,
     /// Cells over (offset, station).
     grid: Grid,
-    /// Where each cell begins in `points`.
-    starts: Vec<u32>,
 }
 
 /// A point of the road.
@@ -59,36 +57,14 @@ pub struct RoadPoint {
 const CELL_M: f64 = 0.25;
 
 impl RoadPoints {
-    /// Counting sort of the points of the parts of a cloud.
+    /// The points of the parts of a cloud.
     fn new(parts: &[Vec<RoadPoint>], (from_m, to_m): (f64, f64), config: &LaneConfig) -> Self {
         let half_m = config.half_width_m;
         let grid = Grid::covering(Point2::new(-half_m, from_m), Point2::new(half_m, to_m), CELL_M);
-        // What lies in none is counted behind the last one.
-        let cell = |p: &RoadPoint| {
-            let cell = grid.index(&Point2::new(f64::from(p.offset_m), f64::from(p.station_m)));
-            cell.unwrap_or(grid.len()) as u32
-        };
-        let mut cells: Vec<u32> = Vec::with_capacity(parts.iter().map(Vec::len).sum());
-        for part in parts {
-            cells.extend(part.iter().map(cell));
-        }
-        let mut starts = vec![0_u32; grid.len() + 2];
-        for c in &cells {
-            starts[*c as usize + 1] += 1;
-        }
-        for i in 1..starts.len() {
-            starts[i] += starts[i - 1];
-        }
-        let mut points = vec![RoadPoint::default(); cells.len()];
-        for (c, p) in cells.iter().zip(parts.iter().flatten()) {
-            let start = &mut starts[*c as usize];
-            points[*start as usize] = *p;
-            *start += 1;
-        }
-        // Each start has moved on to the next one.
-        starts.copy_within(..grid.len(), 1);
-        starts[0] = 0;
-        Self { points, grid, starts }
+        let cell = |p: &RoadPoint| grid.index(&Point2::new(f64::from(p.offset_m), f64::from(p.station_m)));
+        let cells: Vec<Option<u32>> = parts.iter().flatten().map(|p| cell(p).map(|cell| cell as u32)).collect();
+        let cells = cells.iter().map(|cell| cell.map(|cell| cell as usize));
+        Self { points: ByCell::new(&grid, cells.zip(parts.iter().flatten().copied())), grid }
     }
 
     /// The points in the cells that touch a rectangle of stations and offsets,
@@ -102,7 +78,7 @@ impl RoadPoints {
         let end = (right as usize + 1).clamp(first, self.grid.width);
         rows.flat_map(move |row| {
             let row = row * self.grid.width;
-            &self.points[self.starts[row + first] as usize..self.starts[row + end] as usize]
+            self.points.of_cells(row + first..row + end)
         })
     }
 }

@@ -5,6 +5,7 @@ use super::LaneConfig;
 use super::paint::PathPoint;
 use super::poll::Poll;
 use super::windows::{CELL_M, WindowLine, bin_of, more_than_beside, refine, votes_on};
+use crate::grid::whole;
 
 /// Whether two strips are painted side by side over half of the shorter one: a
 /// line that swerves is painted here and then there. Given are the first and
@@ -62,8 +63,7 @@ fn side_by_side(
     // Strips are as wide as the core of a line.
     let half = (config.half_core_m / CELL_M) as usize;
     let beside = (config.beside_line_m / CELL_M).round() as usize;
-    // A cast to 32 bits is one instruction, to 64 unsigned ones a dozen.
-    let cell_of = |off_m: f64| ((off_m + reach_m) / CELL_M) as u32 as usize + half;
+    let cell_of = |off_m: f64| whole((off_m + reach_m) / CELL_M) + half;
     let mut poll = Poll::new(cell_of(reach_m) + half + 1, half, config.most_bin_points);
     // First and last bin with paint of each strip.
     let mut ends: Vec<Option<(u16, u16)>> = vec![None; poll.votes().len()];

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::paint::is_road;
 use super::{LaneConfig, LanePiece, Paint, lines_along};
 use crate::cloud::{Cloud, CloudPoint};
+use crate::grid::whole;
 use crate::path::Path;
 
 /// How the lines of side streets are found.
@@ -251,8 +252,7 @@ fn best_axis(spots: &[Spot], middle: &Point2<f64>, path: &Vector2<f64>, config: 
         }
         votes.fill(0);
         for off_m in from_middle.iter().map(|p| p.perp(&direction)) {
-            // A cast to 32 bits is one instruction, to 64 unsigned ones a dozen.
-            if let Some(count) = votes.get_mut(((off_m + reach_m) / cell_m) as u32 as usize + beside) {
+            if let Some(count) = votes.get_mut(whole((off_m + reach_m) / cell_m) + beside) {
                 *count = count.saturating_add(1);
             }
         }

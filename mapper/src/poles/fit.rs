@@ -101,9 +101,7 @@ pub fn fit_pole<'a>(
     config: &PoleConfig,
     lidar: &LidarConfig,
 ) -> Option<FittedPole> {
-    let mut near_points: Vec<CloudPoint> = Vec::with_capacity(USUALLY_NEAR);
-    near_points.extend(near);
-    let near = near_points;
+    let near: Vec<CloudPoint> = near.copied().collect();
     let at = |p: &CloudPoint| Vector2::new(p.position.x, p.position.z);
     let in_run: Vec<Hit> = near
         .iter()
@@ -148,8 +146,6 @@ pub fn fit_pole<'a>(
     describe(cloud, &Seen { hits: &around, run, free: &free, post: &post }, &axis, &stands, config, lidar)
 }
 
-/// Points that are near most places: a vector that grows is copied.
-const USUALLY_NEAR: usize = 1 << 12;
 /// Far more than distances that are computed in two ways differ by, metres.
 const ROUNDING_M: f64 = 1e-6;
 

@@ -3,7 +3,10 @@
 
 use std::process::{Command, Stdio};
 
+use common::config::{Limits, load_within, to_toml};
 use common::kitti::{ScanPoint, write_scan};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use crate::support::{build, plain, run, text};
 
@@ -38,6 +41,25 @@ fn a_reader_that_is_gone_is_no_fault() {
         let ended = running.wait_with_output().unwrap();
         assert!(ended.status.success() && ended.stderr.is_empty(), "{words:?}: {ended:?}");
     }
+}
+
+/// The defaults are within their limits, and every limit is of a setting.
+fn hold<T: Serialize + DeserializeOwned + Default>(limits: &[Limits]) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("all.toml");
+    std::fs::write(&file, to_toml(&T::default()).unwrap()).unwrap();
+    load_within::<T>(&file, limits).unwrap();
+    for wanted in limits {
+        // Nothing is within a limit that ends below where it begins.
+        let none = [Limits { least: 1.0, most: 0.0, ..*wanted }];
+        assert!(load_within::<T>(&file, &none).is_err(), "{}", wanted.key);
+    }
+}
+
+#[test]
+fn limits_are_of_settings_and_hold_their_defaults() {
+    hold::<mapper::Config>(mapper::config::LIMITS);
+    hold::<localizer::config::Config>(localizer::config::LIMITS);
 }
 
 #[test]

@@ -17,7 +17,6 @@ pub mod config;
 pub mod diff;
 pub mod draw;
 pub mod drive;
-mod eigen;
 pub mod error;
 pub mod evidence;
 pub mod export;

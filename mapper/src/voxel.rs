@@ -3,8 +3,6 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 use rustc_hash::FxHashMap;
 
-use crate::eigen::principal_axes;
-
 /// Index of a voxel: 21 bits per axis, enough for 2 million cells each way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct VoxelKey(u64);
@@ -67,8 +65,10 @@ impl Moments {
 
     /// Standard deviations (m), largest first, and their directions.
     pub fn axes(&self) -> ([f64; 3], [Vector3<f64>; 3]) {
-        let (variances, axes) = principal_axes(&(self.scatter / self.count));
-        (variances.map(|variance| variance.max(0.0).sqrt()), axes)
+        let eigen = (self.scatter / self.count).symmetric_eigen();
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        (order.map(|i| eigen.eigenvalues[i].max(0.0).sqrt()), order.map(|i| eigen.eigenvectors.column(i).into()))
     }
 }
 

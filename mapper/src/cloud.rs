@@ -11,6 +11,7 @@ use crate::error::Result;
 use crate::grid::Grid;
 use crate::ground::{Ground, GroundConfig, Heights};
 use crate::lanes::Contrasts;
+use crate::lidar::Sensor;
 use crate::path::{Path, PathIndex, PathPlace};
 use crate::register::Registration;
 
@@ -55,8 +56,8 @@ pub struct Cloud {
     pub path: Path,
     /// Its places, for points of the cloud.
     pub path_index: PathIndex,
-    /// Position of the lidar in each stitched scan, map frame, metres.
-    pub sensor_map: Vec<Point3<f64>>,
+    /// The lidar in each stitched scan.
+    pub sensors: Vec<Sensor>,
     /// What each stitched scan counts where views are counted: those from one
     /// place count as one.
     pub view_weight: Vec<f64>,
@@ -149,7 +150,7 @@ impl Cloud {
         let range = config.min_range_m..config.max_range_m;
         let mut heights = corridor.heights();
         let mut points = Vec::new();
-        let mut sensor_map = Vec::new();
+        let mut sensors = Vec::new();
         let mut scans = Vec::new();
         drive.for_each(
             frames,
@@ -184,17 +185,17 @@ impl Cloud {
                     dropped_not_finite: scan.dropped_not_finite,
                     dropped_out_of_range: scan.dropped_out_of_range,
                 };
-                (Point3::from(sensor.vector), read, stitched)
+                (Sensor::new(&map_from_velodyne), read, stitched)
             },
             |_, (sensor, read, mut stitched)| {
                 scans.push(read);
-                sensor_map.push(sensor);
+                sensors.push(sensor);
                 heights.add(stitched.iter().map(|p| p.position));
                 points.append(&mut stitched);
             },
         )?;
         let ground = Ground::grow(heights, &corridor.path, &settings.ground);
-        Ok(Self::over_ground(ground, corridor, points, sensor_map, scans, &settings.ground))
+        Ok(Self::over_ground(ground, corridor, points, sensors, scans, &settings.ground))
     }
 
     /// The cloud of points in a corridor: grows the ground under them and
@@ -202,21 +203,21 @@ impl Cloud {
     pub fn over(
         corridor: Corridor,
         points: Vec<CloudPoint>,
-        sensor_map: Vec<Point3<f64>>,
+        sensors: Vec<Sensor>,
         scans: Vec<StitchedScan>,
         config: &GroundConfig,
     ) -> Self {
         let mut heights = corridor.heights();
         heights.add(points.iter().map(|p| p.position));
         let ground = Ground::grow(heights, &corridor.path, config);
-        Self::over_ground(ground, corridor, points, sensor_map, scans, config)
+        Self::over_ground(ground, corridor, points, sensors, scans, config)
     }
 
     fn over_ground(
         ground: Ground,
         Corridor { path, path_index, .. }: Corridor,
         mut points: Vec<CloudPoint>,
-        sensor_map: Vec<Point3<f64>>,
+        sensors: Vec<Sensor>,
         scans: Vec<StitchedScan>,
         config: &GroundConfig,
     ) -> Self {
@@ -240,8 +241,8 @@ impl Cloud {
             ByCell::new(ground.grid(), cells.iter().map(cell).zip(0_u32..))
         };
         let (standing, lying) = rayon::join(|| by_cell(STANDS), || by_cell(LIES));
-        let view_weight = view_weights(&sensor_map);
-        Self { points, ground, path, path_index, sensor_map, view_weight, scans, standing, lying }
+        let view_weight = view_weights(&sensors);
+        Self { points, ground, path, path_index, sensors, view_weight, scans, standing, lying }
     }
 
     /// Points above the ground whose column is within one cell of the ground's
@@ -315,9 +316,9 @@ pub fn without_standing(frames: &[usize], map_from_camera: &[Pose], most: usize)
     kept
 }
 
-fn view_weights(sensor_map: &[Point3<f64>]) -> Vec<f64> {
-    let same = |a: &Point3<f64>| sensor_map.iter().filter(|b| (a - **b).norm() < SAME_VIEW_M).count();
-    sensor_map.iter().map(|a| (same(a) as f64).recip()).collect()
+fn view_weights(sensors: &[Sensor]) -> Vec<f64> {
+    let same = |a: &Sensor| sensors.iter().filter(|b| (a.at - b.at).norm() < SAME_VIEW_M).count();
+    sensors.iter().map(|a| (same(a) as f64).recip()).collect()
 }
 
 /// Flags beside the index of a cell, of which a window has far fewer than 2^30.

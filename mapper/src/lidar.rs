@@ -1,5 +1,7 @@
 //! What the lidar can see: its beams and its field of view.
 
+use common::geometry::Pose;
+use nalgebra::{Point3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Beam pattern of the lidar. Defaults: Velodyne HDL-64E at 10 Hz, from its
@@ -11,6 +13,9 @@ pub struct LidarConfig {
     pub azimuth_step_rad: f64,
     /// Mean angle between neighbouring beams, radians.
     pub elevation_step_rad: f64,
+    /// Height of the place that the beams come from over the origin of the lidar's
+    /// frame, metres: of the upper 32 in KITTI's scans.
+    pub apex_m: f64,
     /// Elevation of the highest beam, radians.
     pub highest_rad: f64,
     /// Elevation of the lowest beam, radians.
@@ -19,7 +24,51 @@ pub struct LidarConfig {
 
 impl Default for LidarConfig {
     fn default() -> Self {
-        Self { azimuth_step_rad: 0.0030, elevation_step_rad: 0.0073, highest_rad: 0.035, lowest_rad: -0.434 }
+        Self {
+            azimuth_step_rad: 0.0030,
+            elevation_step_rad: 0.0073,
+            apex_m: 0.21,
+            highest_rad: 0.035,
+            lowest_rad: -0.434,
+        }
+    }
+}
+
+/// Where the lidar was when it took a scan, and how it stood.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sensor {
+    /// Its place, map frame, metres.
+    pub at: Point3<f64>,
+    /// How far its level plane rises per metre along map x and z: a vehicle on a
+    /// slope looks up and down with it.
+    pub rise: Vector2<f64>,
+}
+
+impl Sensor {
+    /// The lidar at a pose (`map_from_velodyne`).
+    pub fn new(map_from_velodyne: &Pose) -> Self {
+        let up = map_from_velodyne.rotation * Vector3::z();
+        // On its side it has no level plane over the map's.
+        let rise = if up.y < -0.1 { Vector2::new(up.x, up.z) / up.y } else { Vector2::zeros() };
+        Self { at: map_from_velodyne.translation.vector.into(), rise }
+    }
+
+    /// The lidar at a place (map frame, metres), upright in the map.
+    pub fn upright(at: Point3<f64>) -> Self {
+        Self { at, rise: Vector2::zeros() }
+    }
+
+    /// Elevation of the beam to a place (map frame, metres), radians.
+    pub fn elevation_rad(&self, place: &Point3<f64>, lidar: &LidarConfig) -> f64 {
+        let ray = place - self.at;
+        let level = Vector2::new(ray.x, ray.z);
+        (-ray.y - lidar.apex_m - self.rise.dot(&level)).atan2(level.norm())
+    }
+
+    /// Height, along -y of the map, up to which it sees at a distance (metres) in a
+    /// direction, map (x, z).
+    pub fn ceiling(&self, direction: &Vector2<f64>, distance_m: f64, lidar: &LidarConfig) -> f64 {
+        lidar.apex_m - self.at.y + distance_m * (self.rise.dot(direction) + lidar.highest_rad.tan())
     }
 }
 
@@ -28,8 +77,10 @@ impl Default for LidarConfig {
 pub struct Viewpoint {
     /// Horizontal distance of the lidar, metres.
     pub distance_m: f64,
-    /// Its height, along -y of the map, metres.
+    /// Height that its beams come from, along -y of the map, metres.
     pub height: f64,
+    /// How far its level plane rises towards the object, per metre.
+    pub rise: f64,
     /// What the scan counts: a vehicle that stands sees the same again.
     pub weight: f64,
 }
@@ -52,7 +103,7 @@ impl<'a> View<'a> {
         self.from
             .iter()
             .filter(|v| {
-                let elevation = (height - v.height).atan2(v.distance_m);
+                let elevation = ((height - v.height) / v.distance_m - v.rise).atan();
                 elevation > self.lidar.lowest_rad && elevation < self.lidar.highest_rad
             })
             .map(|v| {
@@ -62,25 +113,56 @@ impl<'a> View<'a> {
             .sum()
     }
 
-    /// Greatest height that any of the scans reaches, along -y of the map.
+    /// Greatest height that any of the scans reaches, along -y of the map; without
+    /// end where none is near enough to tell.
     pub fn ceiling(&self) -> f64 {
-        let reach = |v: &Viewpoint| v.height + v.distance_m * self.lidar.highest_rad.tan();
-        self.from.iter().map(reach).fold(f64::NEG_INFINITY, f64::max)
+        let reach = |v: &Viewpoint| v.height + v.distance_m * (v.rise + self.lidar.highest_rad.tan());
+        self.from.iter().map(reach).reduce(f64::max).unwrap_or(f64::INFINITY)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{Translation3, UnitQuaternion};
+    use proptest::prelude::*;
+
     use super::*;
+
+    proptest! {
+        #[test]
+        fn a_place_at_the_ceiling_is_met_by_the_highest_beam(
+            pitch in -0.2_f64..0.2, roll in -0.2_f64..0.2, bearing in -3.1_f64..3.1, distance_m in 3.0_f64..50.0,
+        ) {
+            let lidar = LidarConfig::default();
+            // Forward, left and up of the lidar along map z, -x and -y, then tilted.
+            let level = UnitQuaternion::from_matrix(&nalgebra::Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0));
+            let tilt = UnitQuaternion::from_euler_angles(roll, pitch, 0.0);
+            let pose = Pose::from_parts(Translation3::new(4.0, -1.7, 9.0), level * tilt);
+            let sensor = Sensor::new(&pose);
+            let direction = Vector2::new(bearing.sin(), bearing.cos());
+            let height = sensor.ceiling(&direction, distance_m, &lidar);
+            let place = Point3::new(4.0 + distance_m * direction.x, -height, 9.0 + distance_m * direction.y);
+            prop_assert!((sensor.elevation_rad(&place, &lidar) - lidar.highest_rad).abs() < 1e-9);
+            // As the lidar itself has it, but for its apex.
+            let own = pose.inverse_transform_point(&(place + Vector3::new(0.0, lidar.apex_m, 0.0)));
+            prop_assert!((own.z.atan2(own.x.hypot(own.y)) - lidar.highest_rad).abs() < 0.01);
+        }
+    }
 
     #[test]
     fn nearer_objects_get_more_points_and_high_ones_none() {
         let lidar = LidarConfig::default();
-        let from = |distance_m: f64| Viewpoint { distance_m, height: 1.7, weight: 1.0 };
+        let from = |distance_m: f64| Viewpoint { distance_m, height: 1.7, rise: 0.0, weight: 1.0 };
         let near = View::new([from(5.0)].into_iter(), 60.0, &lidar);
         let far = View::new([from(10.0)].into_iter(), 60.0, &lidar);
         assert!((near.expected(1.0, 0.2, 0.1) / far.expected(1.0, 0.2, 0.1) - 4.0).abs() < 1e-9);
         assert!(near.expected(3.0, 0.2, 0.1).abs() < 1e-12);
         assert!(far.ceiling() > near.ceiling());
+        // Uphill it sees higher.
+        let uphill = View::new([Viewpoint { rise: 0.1, ..from(10.0) }].into_iter(), 60.0, &lidar);
+        assert!((uphill.ceiling() - far.ceiling() - 1.0).abs() < 1e-9);
+        assert!(uphill.expected(3.0, 0.2, 0.1) > 0.0 && far.expected(3.0, 0.2, 0.1) == 0.0);
+        // From where nothing was near, nothing is known to end.
+        assert_eq!(View::new([from(80.0)].into_iter(), 60.0, &lidar).ceiling(), f64::INFINITY);
     }
 }

@@ -6,6 +6,7 @@ use rand_pcg::Pcg64Mcg;
 
 use crate::cloud::{Cloud, CloudConfig, CloudPoint, Corridor};
 use crate::ground::GroundConfig;
+use crate::lidar::Sensor;
 
 /// A straight drive along map z on a level road 1.65 m below the camera, with
 /// points added by hand. The lidar is at the camera's place.
@@ -97,6 +98,7 @@ impl Street {
         let centres: Vec<Point3<f64>> = (0..=60).map(|z| Point3::new(0.0, 0.0, f64::from(z))).collect();
         let config = GroundConfig::default();
         let corridor = Corridor::new(&centres, &CloudConfig::default(), config.cell_m);
-        Cloud::over(corridor, self.points, self.sensors, Vec::new(), &config)
+        let sensors = self.sensors.into_iter().map(Sensor::upright).collect();
+        Cloud::over(corridor, self.points, sensors, Vec::new(), &config)
     }
 }

@@ -30,7 +30,7 @@ pub fn of_sign(cloud: &Cloud, sign: &Sign, config: &EvidenceConfig, lidar: &Lida
     let floor = Matrix3::identity() * config.floor_m.powi(2);
     let view = points
         .iter()
-        .filter_map(|p| Some(at - cloud.sensor_map.get(usize::from(p.scan))?))
+        .filter_map(|p| Some(at - cloud.sensors.get(usize::from(p.scan))?.at))
         .map(|d| Vector3::new(d.x, 0.0, d.z))
         .sum::<Vector3<f64>>();
     let Some(deep) = view.try_normalize(1e-6).filter(|_| points.len() >= FEWEST) else {
@@ -82,9 +82,8 @@ pub fn of_sign(cloud: &Cloud, sign: &Sign, config: &EvidenceConfig, lidar: &Lida
 fn is_cut_off(cloud: &Cloud, points: &[&CloudPoint], lidar: &LidarConfig) -> bool {
     let Some(top) = points.iter().map(|p| p.position).min_by(|a, b| a.y.total_cmp(&b.y)) else { return false };
     let looks_beyond = |p: &&CloudPoint| {
-        cloud.sensor_map.get(usize::from(p.scan)).is_some_and(|sensor| {
-            let d = top - sensor;
-            (-d.y).atan2(d.x.hypot(d.z)) < lidar.highest_rad - 1.5 * lidar.elevation_step_rad
+        cloud.sensors.get(usize::from(p.scan)).is_some_and(|sensor| {
+            sensor.elevation_rad(&top, lidar) < lidar.highest_rad - 1.5 * lidar.elevation_step_rad
         })
     };
     !points.iter().any(looks_beyond)

@@ -26,7 +26,7 @@ pub(super) struct Hit {
 
 impl Hit {
     pub fn new(p: &CloudPoint, cloud: &Cloud) -> Self {
-        let sensor = cloud.sensor_map[usize::from(p.scan)];
+        let sensor = cloud.sensors[usize::from(p.scan)].at;
         let at = Vector2::new(p.position.x, p.position.z);
         let ray = at - Vector2::new(sensor.x, sensor.z);
         let from_lidar = ray.try_normalize(1e-6).unwrap_or_else(Vector2::y);

@@ -160,6 +160,9 @@ pub struct PoleConfig {
     /// are 2.0 to 2.1 m high. What stands out before them and ends below, with more
     /// of the same above it, is a stem or a jamb of theirs.
     pub hedge_top_m: f64,
+    /// What is seen up to so far below the end of the field of view may go on beyond
+    /// it, metres: two slices, as the highest beams may pass beside it.
+    pub open_top_m: f64,
     /// Length that a rail of a fence is followed from its post, metres.
     pub rail_m: f64,
     /// Half the width within which it lies, metres: noise.
@@ -282,6 +285,7 @@ impl Default for PoleConfig {
             largest_looked_through: 0.5,
             fewest_beams_through: 3,
             hedge_top_m: 2.2,
+            open_top_m: 0.4,
             rail_m: 0.5,
             rail_half_width_m: 0.08,
             lowest_rail_m: 0.35,

@@ -73,7 +73,7 @@ pub(super) fn rail(
 /// other, go towards it from one side and end at it or at a gap, and it is as
 /// high as they are.
 pub(super) fn ends_fence(cloud: &Cloud, pole: &FittedPole, config: &PoleConfig) -> bool {
-    if pole.top_height_m > config.short_top_m || pole.reflectance >= config.sheeting_reflectance {
+    if !pole.is_short(config) || pole.reflectance >= config.sheeting_reflectance {
         return false;
     }
     let (low_m, high_m) = (config.lowest_rail_m, pole.top_height_m + config.fence_height_m);
@@ -139,7 +139,7 @@ fn rails_above_each_other(once: &[u32], twice: &[u32], config: &PoleConfig) -> u
 /// with a rail that are as high as its post. The ends of a row and the sides of
 /// a gap may show no rail of their own.
 pub(super) fn in_fences(poles: &[&FittedPole], config: &PoleConfig) -> Vec<bool> {
-    let is_low = |p: &FittedPole| p.top_height_m <= config.short_top_m && p.reflectance < config.sheeting_reflectance;
+    let is_low = |p: &FittedPole| p.is_short(config) && p.reflectance < config.sheeting_reflectance;
     let mut rails: Vec<Option<Vector2<f64>>> = poles.iter().map(|p| p.rail.filter(|_| is_low(p))).collect();
     let mut open: Vec<(usize, Vector2<f64>)> = (0..).zip(&rails).filter_map(|(i, r)| Some((i, (*r)?))).collect();
     while let Some((from, way)) = open.pop() {

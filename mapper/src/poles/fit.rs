@@ -57,6 +57,11 @@ pub struct FittedPole {
 }
 
 impl FittedPole {
+    /// Whether it ends below any sign: where the field of view ends nobody knows.
+    pub fn is_short(&self, config: &PoleConfig) -> bool {
+        self.top_height_m <= config.short_top_m && !self.top_is_open
+    }
+
     /// Angle of the axis from the vertical of the map, radians.
     pub fn tilt_rad(&self) -> f64 {
         (self.top - self.foot).angle(&-Vector3::y())
@@ -198,7 +203,8 @@ fn describe(
     let ends_m = (first.above_ground, last.above_ground);
     let middle = axis.at(f64::midpoint(lowest, highest));
     let view = viewpoints(cloud, middle, config, lidar);
-    let near = cloud.sensor_map.iter().filter(|s| (Vector2::new(s.x, s.z) - middle).norm() < config.farthest_m).count();
+    let near =
+        cloud.sensors.iter().filter(|s| (Vector2::new(s.at.x, s.at.z) - middle).norm() < config.farthest_m).count();
     let width_m = 2.0 * radius_m;
     let expected: f64 = slices
         .iter()
@@ -219,7 +225,7 @@ fn describe(
         visibility: hit / expected.max(1.0),
         was_near: expected >= 1.0,
         free_m: slices.len() as f64 * config.slice_m,
-        top_is_open: highest > view.ceiling() - config.longest_gap_m,
+        top_is_open: highest > view.ceiling() - config.open_top_m,
         attached_share: attached_share(seen.hits, axis, radius_m, ends_m, config),
         rail: rail(seen.hits, axis, radius_m, ends_m, config),
         reflectance: bright.get(2).copied().unwrap_or(0.0),
@@ -230,10 +236,11 @@ fn describe(
 }
 
 fn viewpoints<'a>(cloud: &Cloud, at: Vector2<f64>, config: &PoleConfig, lidar: &'a LidarConfig) -> View<'a> {
-    let from = cloud.sensor_map.iter().zip(&cloud.view_weight).map(|(s, weight)| Viewpoint {
-        distance_m: (Vector2::new(s.x, s.z) - at).norm(),
-        height: -s.y,
-        weight: *weight,
+    let from = cloud.sensors.iter().zip(&cloud.view_weight).map(|(sensor, weight)| {
+        let view = at - Vector2::new(sensor.at.x, sensor.at.z);
+        let direction = view.try_normalize(1e-6).unwrap_or_else(Vector2::zeros);
+        let rise = sensor.rise.dot(&direction);
+        Viewpoint { distance_m: view.norm(), height: lidar.apex_m - sensor.at.y, rise, weight: *weight }
     });
     View::new(from, config.farthest_m, lidar)
 }

@@ -43,11 +43,11 @@ pub(super) fn looked_through(
 ) -> Vec<f64> {
     let mut looks: Vec<Look> = Vec::new();
     // By scan and sector: the looks that lie there.
-    let mut sectors: Vec<Vec<u32>> = vec![Vec::new(); cloud.sensor_map.len() * SECTORS];
+    let mut sectors: Vec<Vec<u32>> = vec![Vec::new(); cloud.sensors.len() * SECTORS];
     for (pole, fitted) in poles.iter().enumerate() {
         let middle = nalgebra::center(&fitted.foot, &fitted.top);
-        for (scan, sensor) in cloud.sensor_map.iter().enumerate() {
-            let off = Vector2::new(middle.x - sensor.x, middle.z - sensor.z);
+        for (scan, sensor) in cloud.sensors.iter().enumerate() {
+            let off = Vector2::new(middle.x - sensor.at.x, middle.z - sensor.at.z);
             let distance_m = off.norm();
             let every_beam_hits = distance_m * lidar.azimuth_step_rad <= 2.0 * fitted.radius_m;
             let Some(view) = off.try_normalize(config.core_radius_m).filter(|_| every_beam_hits) else { continue };
@@ -62,7 +62,7 @@ pub(super) fn looked_through(
     }
     let count = |told: &mut [Told], p: &CloudPoint| {
         let scan = usize::from(p.scan);
-        let sensor = cloud.sensor_map[scan];
+        let sensor = cloud.sensors[scan].at;
         let off = Vector2::new(p.position.x - sensor.x, p.position.z - sensor.z);
         for name in &sectors[scan * SECTORS + sector(&off)] {
             let (look, told) = (&looks[*name as usize], &mut told[*name as usize]);

@@ -117,7 +117,7 @@ fn is_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {
     } else {
         config.least_free_share_thick
     };
-    let is_short = pole.top_height_m <= config.short_top_m;
+    let is_short = pole.is_short(config);
     // What stands amid something is hidden by it, unless it is a part of it.
     let is_amid = stack.is_before || pole.attached_share > config.largest_attached_share;
     let highest_foot_m = if is_equipment { config.highest_foot_sign_m } else { config.highest_foot_m };
@@ -141,7 +141,7 @@ fn is_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {
 /// attached higher than hedges are, or is thicker than a post and stands close
 /// before something, is a pipe, a jamb or a corner of a wall.
 fn largest_attached_share(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> f64 {
-    let is_short = pole.top_height_m <= config.short_top_m;
+    let is_short = pole.is_short(config);
     let is_of_wall =
         if stack.is_before { is_short || pole.radius_m > config.slender_m } else { stack.low_m >= config.hedge_top_m };
     if is_of_wall {

@@ -284,6 +284,23 @@ fn what_is_narrow_and_reaches_far_along_the_view_is_a_wall_seen_edge_on() {
 }
 
 #[test]
+fn a_trunk_that_goes_on_above_the_field_of_view_does_not_end_below_any_sign() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let is_pole = |top_height_m: f64, radius_m: f64, top_is_open: bool| {
+        is_pole(&FittedPole { top_height_m, radius_m, top_is_open, ..pole.clone() }, &stack, &config)
+    };
+    assert!(is_pole(1.7, 0.17, true) && !is_pole(1.7, 0.17, false) && is_pole(1.7, 0.05, false));
+    // Near the road the field of view ends low, and far from it high.
+    let is_open = |x: f64| {
+        let mut street = Street::new();
+        post(&mut street, Point3::new(x, CAMERA_HEIGHT_M, 28.0), 2.5, 0.05);
+        found(street).swap_remove(0).1.top_is_open
+    };
+    assert!(!is_open(12.0));
+}
+
+#[test]
 fn a_glimpse_by_two_of_many_scans_makes_no_pole() {
     let config = PoleConfig::default();
     let (pole, stack) = slender();

@@ -102,7 +102,7 @@ pub fn rows(cloud: &Cloud, axis: &Axis, heights_m: (f64, f64), lidar: &LidarConf
 
 fn rows_of_scan(cloud: &Cloud, axis: &Axis, points: &[&CloudPoint], lidar: &LidarConfig) -> Vec<Row> {
     let Some(first) = points.first() else { return Vec::new() };
-    let sensor = cloud.sensor_map[usize::from(first.scan)];
+    let sensor = cloud.sensors[usize::from(first.scan)].at;
     let eye = Point2::new(sensor.x, sensor.z);
     let middle = nalgebra::center(&axis.foot, &axis.top);
     let away = Point2::new(middle.x, middle.z) - eye;

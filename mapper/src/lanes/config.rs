@@ -39,6 +39,16 @@ pub struct LaneConfig {
     /// Share of paint among the road points on a painted core to begin with:
     /// beams see some of the paint as asphalt.
     pub usual_share: f64,
+    /// Share of paint where it is worn, or where stripes beside it hide how much
+    /// brighter it is, as a share of what the line has elsewhere: a quarter of
+    /// the points is still far from bare asphalt's.
+    pub worn_share: f64,
+    /// How many times over it must exceed the share beside the line: grains lie
+    /// closer here and there.
+    pub least_worn_ratio: f64,
+    /// Share of what is painted that has to be clear paint, of lines and of runs
+    /// longer than any dash: grass is as worn paint is, all along.
+    pub least_clear_share: f64,
     /// Least such share of a line: less is a texture.
     pub least_bright_share: f64,
     /// Least share of bright points on bare asphalt: its grains.
@@ -138,6 +148,13 @@ pub struct LaneConfig {
     /// Most paint between the two, as a share of that on the weaker one: broad
     /// lines are painted between their edges.
     pub largest_between_share: f64,
+    /// Distance of the lines of the narrowest lanes, metres: 2.75 m, less a
+    /// line's width. What has lines nearer than that on both sides has no lane
+    /// beside it.
+    pub narrowest_lane_m: f64,
+    /// Share of the length on which dashes have to have them to be no line: lanes
+    /// open and close like wedges.
+    pub least_enclosed_share: f64,
     /// Lateral tolerance of the polyline, metres.
     pub tolerance_m: f64,
     /// Tolerance of the heights of the polyline, metres: at 10 m it is half a
@@ -173,6 +190,9 @@ impl Default for LaneConfig {
             profile_m: 0.25,
             half_core_m: 0.07,
             usual_share: 0.35,
+            worn_share: 0.6,
+            least_worn_ratio: 3.0,
+            least_clear_share: 0.5,
             least_bright_share: 0.22,
             least_bare_share: 0.02,
             least_share_ratio: 4.0,
@@ -209,6 +229,8 @@ impl Default for LaneConfig {
             least_pair_m: 0.16,
             least_pair_share: 0.3,
             largest_between_share: 0.5,
+            narrowest_lane_m: 2.6,
+            least_enclosed_share: 0.7,
             tolerance_m: 0.03,
             height_tolerance_m: 0.06,
             smooth_m: 4.0,

@@ -45,11 +45,18 @@ pub fn marks(kind: LaneKind, bins: &[Bin], shares: Shares, paint: &Paint, config
         return Vec::new();
     }
     let half_bin_m = config.profile_m / 2.0;
-    let (on, off) = ([shares.bare, shares.painted], [shares.painted, shares.bare]);
+    // Worn paint has a share of its own, which is that next to the end.
+    let near = (2.0 * config.marks.search_m / config.profile_m).ceil() as usize;
+    let painted = |bins: &[Bin]| {
+        let (bright, road) = bins.iter().fold((0.0, 0.0), |sum, b| (sum.0 + b.core.bright, sum.1 + b.core.road));
+        f64::min(bright / f64::max(road, 1.0), shares.painted).max(2.0 * shares.bare).min(0.9)
+    };
     let ends_m = |run: std::ops::Range<usize>| {
-        let (first, last) = (bins.get(run.start)?, bins.get(run.end.checked_sub(1)?)?);
-        let begin_m = border(first, first.station_m - half_bin_m, on, paint, config);
-        Some((begin_m, border(last, last.station_m + half_bin_m, off, paint, config)))
+        let on = bins.get(run)?;
+        let (first, last) = (on.first()?, on.last()?);
+        let (begins, ends) = (painted(&on[..near.min(on.len())]), painted(&on[on.len().saturating_sub(near)..]));
+        let begin_m = border(first, first.station_m - half_bin_m, [shares.bare, begins], paint, config);
+        Some((begin_m, border(last, last.station_m + half_bin_m, [ends, shares.bare], paint, config)))
     };
     let ends: Vec<(Option<f64>, Option<f64>)> = runs(bins, config).into_iter().filter_map(ends_m).collect();
     let length_m = |ends: &(Option<f64>, Option<f64>)| Some(ends.1? - ends.0?);

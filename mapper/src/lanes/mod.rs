@@ -5,6 +5,7 @@
 mod chains;
 mod config;
 mod contrast;
+mod decision;
 mod fords;
 mod kinds;
 mod marks;
@@ -16,6 +17,7 @@ mod polyline;
 mod profile;
 mod side_streets;
 mod simplify;
+mod symbols;
 #[cfg(test)]
 mod tests;
 mod windows;

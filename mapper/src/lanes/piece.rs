@@ -34,7 +34,8 @@ impl LanePiece {
         self.stations_m.first().copied().zip(self.stations_m.last().copied())
     }
 
-    fn length_m(&self) -> f64 {
+    /// Length along the path, metres.
+    pub fn length_m(&self) -> f64 {
         self.ends_m().map_or(0.0, |(from_m, to_m)| to_m - from_m)
     }
 
@@ -44,16 +45,24 @@ impl LanePiece {
         if !(from_m..=to_m).contains(&station_m) {
             return None;
         }
+        self.straight_on(station_m)
+    }
+
+    /// The same; beyond its ends it goes straight on.
+    fn straight_on(&self, station_m: f64) -> Option<Point3<f64>> {
         let after = self.stations_m.partition_point(|s| *s <= station_m).clamp(1, self.stations_m.len().max(2) - 1);
         let (start_m, end_m) = (self.stations_m.get(after - 1)?, self.stations_m.get(after)?);
         let (start, end) = (self.points_map.get(after - 1)?, self.points_map.get(after)?);
         Some(start + (end - start) * ((station_m - start_m) / (end_m - start_m).max(1e-9)))
     }
 
-    /// Where its marks that do not reach beyond its ends begin and end, map
-    /// frame, metres.
+    /// Where its marks begin and end, map frame, metres. Where the one end of the
+    /// first or of the last was not seen, the mark reaches beyond the line, which
+    /// goes straight on there: by less than half of the mark.
     pub fn marks_map(&self) -> Vec<[Point3<f64>; 2]> {
-        self.marks_m.iter().filter_map(|[from_m, to_m]| Some([self.at(*from_m)?, self.at(*to_m)?])).collect()
+        let is_on = |mark: &&[f64; 2]| self.at(f64::midpoint(mark[0], mark[1])).is_some();
+        let ends_map = |mark: &[f64; 2]| Some([self.straight_on(mark[0])?, self.straight_on(mark[1])?]);
+        self.marks_m.iter().filter(is_on).filter_map(ends_map).collect()
     }
 
     /// Distance of a point from it on the ground plane, metres.

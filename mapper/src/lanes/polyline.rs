@@ -5,10 +5,12 @@ use nalgebra::{Point2, Point3};
 use rayon::prelude::*;
 
 use super::chains::join;
-use super::kinds::stretches;
+use super::decision::clear_share;
+use super::kinds::{Stretch, stretches};
 use super::marks::marks;
 use super::piece::without_doubles;
-use super::profile::{Bin, local_line, profile, step_m};
+use super::profile::{Bin, local_line, profile, runs, step_m};
+use super::symbols::without_symbols;
 use super::windows::find_lines;
 use super::{Chain, LaneConfig, LanePiece, Paint, fitted, simplify};
 use crate::cloud::{Cloud, CloudPoint};
@@ -19,7 +21,7 @@ pub fn lines_along(path: &Path, paint: &Paint, cloud: &Cloud, config: &LaneConfi
     let windows = find_lines(paint, path.start_station_m(), path.end_station_m(), config);
     let chains = join(&windows, config);
     let pieces = chains.par_iter().map(|chain| describe(chain, paint, path, cloud, config)).collect();
-    without_doubles(pieces, config)
+    without_symbols(without_doubles(pieces, config), config)
 }
 
 /// Finds what is painted along a chain, cuts it where that changes and at
@@ -27,11 +29,13 @@ pub fn lines_along(path: &Path, paint: &Paint, cloud: &Cloud, config: &LaneConfi
 fn describe(chain: &Chain, paint: &Paint, path: &Path, cloud: &Cloud, config: &LaneConfig) -> Vec<LanePiece> {
     let (bins, shares) = profile(chain, paint, config);
     let stretches = stretches(&bins, config);
-    let length_m: f64 = stretches.iter().map(|(_, range)| range.len() as f64 * config.profile_m).sum();
+    let painted_m: f64 = stretches.iter().map(|(_, range)| range.len() as f64 * config.profile_m).sum();
     let least = config.least_bright_share.max(config.least_share_ratio * shares.bare);
     let is_dashed = stretches.iter().all(|(kind, _)| *kind == LaneKind::Dashed);
     let shortest_m = if is_dashed { config.shortest_dashed_m.max(config.shortest_m) } else { config.shortest_m };
-    if shares.painted < least || length_m < shortest_m {
+    let length_m = painted_m + if is_dashed { usual_gap_m(&bins, &stretches, config) } else { 0.0 };
+    let clear_share = clear_share(stretches.iter().flat_map(|(_, range)| &bins[range.clone()]));
+    if shares.painted < least || length_m < shortest_m || clear_share < config.least_clear_share {
         return Vec::new();
     }
     let described = |(kind, range): (LaneKind, std::ops::Range<usize>)| {
@@ -39,6 +43,19 @@ fn describe(chain: &Chain, paint: &Paint, path: &Path, cloud: &Cloud, config: &L
         Some(LanePiece { marks_m, ..piece(kind, &bins[range], path, cloud, config)? })
     };
     stretches.into_iter().filter_map(described).collect()
+}
+
+/// Median gap between the dashes of a line, metres: with it, a line from its
+/// first to its last dash is as long as its periods are, and so hardly longer or
+/// shorter where it happens to begin or end.
+fn usual_gap_m(bins: &[Bin], stretches: &[Stretch], config: &LaneConfig) -> f64 {
+    let of_stretch = |(_, range): &Stretch| {
+        let runs = runs(&bins[range.clone()], config);
+        runs.windows(2).map(|pair| pair[1].start - pair[0].end).collect::<Vec<usize>>()
+    };
+    let mut gaps: Vec<usize> = stretches.iter().flat_map(of_stretch).collect();
+    gaps.sort_unstable();
+    gaps.get(gaps.len() / 2).map_or(0.0, |gap| *gap as f64 * config.profile_m)
 }
 
 fn piece(kind: LaneKind, bins: &[Bin], path: &Path, cloud: &Cloud, config: &LaneConfig) -> Option<LanePiece> {

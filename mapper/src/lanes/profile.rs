@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::fords::{forget_bars, is_ford};
+use super::decision::decide;
+use super::fords::is_ford;
 use super::paint::{Paint, between};
 use super::{Chain, LaneConfig};
 
@@ -17,6 +18,8 @@ pub struct Bin {
     pub offset_m: f64,
     /// Whether the line is painted here, seen or not.
     pub painted: bool,
+    /// Whether it is so by the share of clear paint, not of worn paint alone.
+    pub clear: bool,
     /// Points of paint on the line's core, and all road points on it.
     pub core: Share,
     /// The same to the left and to the right of the line.
@@ -63,11 +66,13 @@ pub struct Share {
 }
 
 impl Share {
-    fn plus(self, other: Self) -> Self {
+    /// Both together.
+    pub fn plus(self, other: Self) -> Self {
         Self { bright: self.bright + other.bright, road: self.road + other.road }
     }
 
-    fn value(self) -> f64 {
+    /// Of all points those of paint, from 0 to 1.
+    pub fn value(self) -> f64 {
         self.bright / self.road.max(1.0)
     }
 }
@@ -203,77 +208,6 @@ pub fn step_m(bins: &[&Bin], config: &LaneConfig) -> Option<f64> {
         *beyond.select_nth_unstable_by(middle, f64::total_cmp).1,
     );
     (own * beyond > 0.0).then_some(own.abs().min(beyond.abs()))
-}
-
-/// Rounds of estimating the share of paint points and what is painted.
-const ROUNDS: usize = 3;
-
-/// Decides what is painted: the likeliest sequence of painted and bare bins
-/// (Viterbi 1967), and the share of paint points that it is told by.
-fn decide(bins: &mut [Bin], config: &LaneConfig) -> Shares {
-    let side = |k: usize| bins.iter().fold(Share::default(), |sum, b| sum.plus(b.beside[k])).value();
-    let bare = side(0).min(side(1)).max(config.least_bare_share).min(0.5);
-    let mut shares = Shares { painted: config.usual_share.max(2.0 * bare), bare };
-    let mut share = 0.0;
-    for _ in 0..ROUNDS {
-        likeliest(bins, shares, config);
-        share = bins.iter().filter(|b| b.painted).fold(Share::default(), |sum, b| sum.plus(b.core)).value();
-        shares.painted = share.clamp(f64::max(config.least_bright_share / 2.0, 2.0 * bare).min(0.9), 0.9);
-    }
-    forget_bars(bins, config);
-    forget_unseen(bins, config);
-    // A run that is shorter than a dash, or of a point or two, is no paint.
-    for run in runs(bins, config) {
-        let points: f64 = bins[run.clone()].iter().map(|b| b.core.bright).sum();
-        if (run.len() as f64) * config.profile_m < config.shortest_blot_m || points < config.fewest_blot_points {
-            bins[run].iter_mut().for_each(|b| b.painted = false);
-        }
-    }
-    Shares { painted: share, bare }
-}
-
-/// Paint that nobody saw: where nothing tells, the likeliest is what was there
-/// before. It stands over short stretches between two points of paint only.
-fn forget_unseen(bins: &mut [Bin], config: &LaneConfig) {
-    let most = (config.longest_unseen_m / config.profile_m) as usize;
-    let mut start = 0;
-    for i in 0..=bins.len() {
-        let is_seen = bins.get(i).is_none_or(|b| b.core.bright > 0.0 || !b.painted);
-        if is_seen {
-            let unseen = start..i;
-            let at_end = |b: Option<&Bin>| b.is_none_or(|b| !b.painted);
-            let before = start.checked_sub(1).and_then(|k| bins.get(k));
-            if unseen.len() > most || at_end(before) || at_end(bins.get(i)) {
-                bins[unseen].iter_mut().for_each(|b| b.painted = false);
-            }
-            start = i + 1;
-        }
-    }
-}
-
-/// Sets which bins are painted, by the likeliest sequence of both states.
-fn likeliest(bins: &mut [Bin], shares: Shares, config: &LaneConfig) {
-    let (more, less) = ((shares.painted / shares.bare).ln(), ((1.0 - shares.painted) / (1.0 - shares.bare)).ln());
-    // Points of one ring on one dash are no independent witnesses.
-    let evidence = |b: &Bin| {
-        let of_all = b.core.bright * more + (b.core.road - b.core.bright).max(0.0) * less;
-        (of_all * config.evidence_share).max(-config.most_evidence).min(config.most_evidence)
-    };
-    // For each bin and state: whether the best way to it came from the other.
-    let mut changed: Vec<[bool; 2]> = Vec::with_capacity(bins.len());
-    let (mut bare, mut painted) = (0.0_f64, 0.0_f64);
-    for bin in bins.iter() {
-        let to_bare = painted - config.change_cost > bare;
-        let to_painted = bare - config.change_cost > painted;
-        let (b, p) = (bare.max(painted - config.change_cost), painted.max(bare - config.change_cost));
-        (bare, painted) = (b, p + evidence(bin));
-        changed.push([to_bare, to_painted]);
-    }
-    let mut is_painted = painted > bare;
-    for (bin, changed) in bins.iter_mut().zip(changed).rev() {
-        bin.painted = is_painted;
-        is_painted ^= changed[usize::from(is_painted)];
-    }
 }
 
 /// Runs of paint without a gap: indices of bins.

@@ -72,7 +72,7 @@ fn solid_and_dashed_lines_are_told_apart_and_an_arrow_is_neither() {
     // Of the first and the last mark only one end is seen, and a solid line has
     // none.
     let marks_map = pieces[0].marks_map();
-    assert!((3..=5).contains(&marks_map.len()) && pieces[1].marks_m.is_empty(), "{marks_map:?}");
+    assert!((4..=5).contains(&marks_map.len()) && pieces[1].marks_m.is_empty(), "{marks_map:?}");
     for [begin, end] in marks_map {
         let (from_m, to_m) = (begin.z % 12.0, end.z % 12.0);
         assert!(from_m.min(12.0 - from_m) < 0.06 && (to_m - 4.0).abs() < 0.06, "{begin} {end}");

@@ -21,7 +21,9 @@ pub fn decide(bins: &mut [Bin], config: &LaneConfig) -> Shares {
     }
     // What tells a line from a texture is its clear paint; then comes the worn.
     let worn = (config.worn_share * shares.painted).max(config.least_worn_ratio.max(1.5) * shares.bare);
-    bins.iter_mut().for_each(|b| b.clear = b.painted);
+    for bin in bins.iter_mut() {
+        bin.clear = bin.painted;
+    }
     if worn < shares.painted {
         likeliest(bins, &[shares.painted, worn], shares.bare, config);
         for run in runs(bins, config) {
@@ -82,7 +84,9 @@ fn likeliest(bins: &mut [Bin], painted: &[f64], bare: f64, config: &LaneConfig) 
             *own = (b.core.bright * more + (b.core.road - b.core.bright).max(0.0) * less) * config.evidence_share;
         }
         let most = all.iter().fold(config.most_evidence, |most, own| most.max(own.abs()));
-        all.iter_mut().for_each(|own| *own *= config.most_evidence / most);
+        for own in all {
+            *own *= config.most_evidence / most;
+        }
     };
     let mut told = vec![0.0; odds.len()];
     // State 0 is bare. For each bin and state the one from which the best way

@@ -224,14 +224,9 @@ fn plate(
     let bottom = Edge::new(below, next(rows[..from].iter().rev().find(is_post), lowest.height));
     let top = Edge::new(above, next(rows[to + 1..].iter().find(is_post), highest.height));
     let low = lowest.height - bottom.beyond_m;
-    let mut high = highest.height + top.beyond_m;
     let top_is_open = top.sigma_m > config.open_m;
-    let mut top_sigma_m = top.sigma_m.min(config.open_m);
-    if top_is_open {
-        // Discs, squares and triangles are about as high as they are wide.
-        high = high.max(low + width_m.min(config.widest_like_high_m));
-        top_sigma_m = config.open_m;
-    }
+    let high = upper_end(highest.height, &top, low, width_m, config);
+    let top_sigma_m = top.sigma_m.min(config.open_m);
     let middle = f64::midpoint(low, high);
     let place = origin + across * aside_m + normal * before_m;
     let count = long.len() as f64;
@@ -297,6 +292,17 @@ impl Edge {
     }
 }
 
+/// Height of the upper end of a plate over its highest row. Where no beam tells,
+/// it is as high as discs, squares and triangles are, as much as it is wide: one
+/// beam that may have missed it tells of no more.
+fn upper_end(highest: f64, top: &Edge, low: f64, width_m: f64, config: &OutlineConfig) -> f64 {
+    if top.sigma_m > config.open_m {
+        highest.max(low + width_m.min(config.widest_like_high_m))
+    } else {
+        highest + top.beyond_m
+    }
+}
+
 /// The value that half of the weight lies below.
 fn weighted_median(mut values: Vec<(f64, f64)>) -> Option<f64> {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -306,4 +312,22 @@ fn weighted_median(mut values: Vec<(f64, f64)>) -> Option<f64> {
         sum += weight;
         (sum >= half).then_some(value)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plate_that_ends_out_of_sight_is_as_high_as_it_is_wide_or_as_it_is_seen() {
+        let config = OutlineConfig::default();
+        // From 2.0 m on, 0.6 m wide, metres over any level.
+        let end = |highest: f64, beams_per_m: f64| {
+            upper_end(highest, &Edge::new(beams_per_m, f64::INFINITY), 2.0, 0.6, &config)
+        };
+        // Many beams passed above it, one may have, none did.
+        assert!((end(2.3, 50.0) - 2.32).abs() < 1e-9);
+        assert!((end(2.3, 2.5) - 2.6).abs() < 1e-9 && (end(2.3, 0.0) - 2.6).abs() < 1e-9);
+        assert!((end(2.9, 2.5) - 2.9).abs() < 1e-9);
+    }
 }

@@ -84,6 +84,7 @@ pub const LIMITS: &[Limits] = &[
     limits("lanes.side.thin_m", 0.02, 2.0),
     limits("lanes.side.most_axes", 0.0, 20.0),
     limits("lanes.most_bin_points", 1.0, 255.0),
+    limits("lanes.least_worn_ratio", 1.5, 100.0),
     limits("lanes.*_m", 0.0, 1000.0),
     limits("evidence.slice_m", 0.01, 2.0),
     limits("evidence.piece_m", 0.1, 200.0),

@@ -53,22 +53,17 @@ impl Sensor {
         Self { at: map_from_velodyne.translation.vector.into(), rise }
     }
 
-    /// The lidar at a place (map frame, metres), upright in the map.
-    pub fn upright(at: Point3<f64>) -> Self {
-        Self { at, rise: Vector2::zeros() }
+    /// Its view of what stands at map (x, z).
+    pub fn view_of(&self, place: &Vector2<f64>, lidar: &LidarConfig) -> Viewpoint {
+        let view = place - Vector2::new(self.at.x, self.at.z);
+        let direction = view.try_normalize(1e-6).unwrap_or_else(Vector2::zeros);
+        self.view_along(&direction, view.norm(), lidar)
     }
 
-    /// Elevation of the beam to a place (map frame, metres), radians.
-    pub fn elevation_rad(&self, place: &Point3<f64>, lidar: &LidarConfig) -> f64 {
-        let ray = place - self.at;
-        let level = Vector2::new(ray.x, ray.z);
-        (-ray.y - lidar.apex_m - self.rise.dot(&level)).atan2(level.norm())
-    }
-
-    /// Height, along -y of the map, up to which it sees at a distance (metres) in a
-    /// direction, map (x, z).
-    pub fn ceiling(&self, direction: &Vector2<f64>, distance_m: f64, lidar: &LidarConfig) -> f64 {
-        lidar.apex_m - self.at.y + distance_m * (self.rise.dot(direction) + lidar.highest_rad.tan())
+    /// The same by its direction, map (x, z) of unit length, and distance (metres).
+    pub fn view_along(&self, direction: &Vector2<f64>, distance_m: f64, lidar: &LidarConfig) -> Viewpoint {
+        let (height, rise) = (lidar.apex_m - self.at.y, self.rise.dot(direction));
+        Viewpoint { distance_m, height, rise, weight: 1.0 }
     }
 }
 
@@ -83,6 +78,19 @@ pub struct Viewpoint {
     pub rise: f64,
     /// What the scan counts: a vehicle that stands sees the same again.
     pub weight: f64,
+}
+
+impl Viewpoint {
+    /// Elevation of the beam to a height (along -y of the map, metres) of the
+    /// object, radians.
+    pub fn elevation_rad(&self, height: f64) -> f64 {
+        ((height - self.height) / self.distance_m - self.rise).atan()
+    }
+
+    /// Height of the object, along -y of the map, that the highest beam meets.
+    pub fn ceiling(&self, lidar: &LidarConfig) -> f64 {
+        self.height + self.distance_m * (self.rise + lidar.highest_rad.tan())
+    }
 }
 
 /// The scans from which a slender upright object may be seen.
@@ -103,7 +111,7 @@ impl<'a> View<'a> {
         self.from
             .iter()
             .filter(|v| {
-                let elevation = ((height - v.height) / v.distance_m - v.rise).atan();
+                let elevation = v.elevation_rad(height);
                 elevation > self.lidar.lowest_rad && elevation < self.lidar.highest_rad
             })
             .map(|v| {
@@ -116,8 +124,7 @@ impl<'a> View<'a> {
     /// Greatest height that any of the scans reaches, along -y of the map; without
     /// end where none is near enough to tell.
     pub fn ceiling(&self) -> f64 {
-        let reach = |v: &Viewpoint| v.height + v.distance_m * (v.rise + self.lidar.highest_rad.tan());
-        self.from.iter().map(reach).reduce(f64::max).unwrap_or(f64::INFINITY)
+        self.from.iter().map(|v| v.ceiling(self.lidar)).reduce(f64::max).unwrap_or(f64::INFINITY)
     }
 }
 
@@ -140,9 +147,11 @@ mod tests {
             let pose = Pose::from_parts(Translation3::new(4.0, -1.7, 9.0), level * tilt);
             let sensor = Sensor::new(&pose);
             let direction = Vector2::new(bearing.sin(), bearing.cos());
-            let height = sensor.ceiling(&direction, distance_m, &lidar);
+            let along = sensor.view_along(&direction, distance_m, &lidar);
+            let height = along.ceiling(&lidar);
             let place = Point3::new(4.0 + distance_m * direction.x, -height, 9.0 + distance_m * direction.y);
-            prop_assert!((sensor.elevation_rad(&place, &lidar) - lidar.highest_rad).abs() < 1e-9);
+            let view = sensor.view_of(&Vector2::new(place.x, place.z), &lidar);
+            prop_assert!((view.elevation_rad(height) - lidar.highest_rad).abs() < 1e-9);
             // As the lidar itself has it, but for its apex.
             let own = pose.inverse_transform_point(&(place + Vector3::new(0.0, lidar.apex_m, 0.0)));
             prop_assert!((own.z.atan2(own.x.hypot(own.y)) - lidar.highest_rad).abs() < 0.01);

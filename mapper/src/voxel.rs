@@ -133,7 +133,30 @@ impl Sums {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Rotation3;
+    use proptest::prelude::*;
+
     use super::*;
+
+    proptest! {
+        #[test]
+        fn the_axes_and_their_deviations_make_the_scatter(
+            // From rods and plates of one thickness to blobs, of any size.
+            values in prop::array::uniform3(prop_oneof![Just(0.0), Just(1.0), 1e-9_f64..1.0]),
+            scale in prop_oneof![Just(1e-12), Just(1.0), Just(1e6)],
+            turn in prop::array::uniform3(-3.0_f64..3.0),
+        ) {
+            let values = values.map(|v| v * scale);
+            let rotation = *Rotation3::new(Vector3::from(turn)).matrix();
+            let scatter = rotation * Matrix3::from_diagonal(&Vector3::from(values)) * rotation.transpose();
+            let (found, axes) = Moments { count: 1.0, mean: Point3::origin(), scatter }.axes();
+            let vectors = Matrix3::from_columns(&axes);
+            let made = vectors * Matrix3::from_diagonal(&Vector3::from(found.map(|s| s * s))) * vectors.transpose();
+            prop_assert!((made - scatter).amax() <= 1e-14 * scale, "{made} {scatter}");
+            prop_assert!((vectors.transpose() * vectors - Matrix3::identity()).amax() < 1e-14, "{vectors}");
+            prop_assert!(found[0] >= found[1] && found[1] >= found[2], "{found:?}");
+        }
+    }
 
     fn cloud() -> Vec<Point3<f64>> {
         (0..200)

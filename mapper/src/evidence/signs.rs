@@ -1,7 +1,7 @@
 //! Uncertainty of the centroid of a sign.
 
 use common::map::Sign;
-use nalgebra::{Matrix3, Point2, Vector1, Vector3};
+use nalgebra::{Matrix3, Point2, Vector1, Vector2, Vector3};
 
 use super::scatter::Scatter;
 use super::{EvidenceConfig, PointEvidence};
@@ -83,7 +83,8 @@ fn is_cut_off(cloud: &Cloud, points: &[&CloudPoint], lidar: &LidarConfig) -> boo
     let Some(top) = points.iter().map(|p| p.position).min_by(|a, b| a.y.total_cmp(&b.y)) else { return false };
     let looks_beyond = |p: &&CloudPoint| {
         cloud.sensors.get(usize::from(p.scan)).is_some_and(|sensor| {
-            sensor.elevation_rad(&top, lidar) < lidar.highest_rad - 1.5 * lidar.elevation_step_rad
+            let view = sensor.view_of(&Vector2::new(top.x, top.z), lidar);
+            view.elevation_rad(-top.y) < lidar.highest_rad - 1.5 * lidar.elevation_step_rad
         })
     };
     !points.iter().any(looks_beyond)

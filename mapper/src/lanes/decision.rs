@@ -4,23 +4,28 @@ use super::LaneConfig;
 use super::fords::forget_bars;
 use super::profile::{Bin, Share, Shares, runs};
 
+/// Largest share of paint that is believed: a bare point or two say something
+/// then, too.
+pub const MOST_PAINTED: f64 = 0.9;
+
 /// Rounds of estimating the share of paint points and what is painted.
 const ROUNDS: usize = 3;
 
 /// Decides what is painted: the likeliest sequence of painted and bare bins
 /// (Viterbi 1967), and the share of paint points that it is told by.
 pub fn decide(bins: &mut [Bin], config: &LaneConfig) -> Shares {
-    let side = |k: usize| bins.iter().fold(Share::default(), |sum, b| sum.plus(b.beside[k])).value();
+    let side = |k: usize| bins.iter().map(|b| b.beside[k]).sum::<Share>().value();
     let bare = side(0).min(side(1)).max(config.least_bare_share).min(0.5);
     let mut shares = Shares { painted: config.usual_share.max(2.0 * bare), bare };
     let mut share = 0.0;
     for _ in 0..ROUNDS {
         likeliest(bins, &[shares.painted], shares.bare, config);
-        share = bins.iter().filter(|b| b.painted).fold(Share::default(), |sum, b| sum.plus(b.core)).value();
-        shares.painted = share.clamp(f64::max(config.least_bright_share / 2.0, 2.0 * bare).min(0.9), 0.9);
+        share = bins.iter().filter(|b| b.painted).map(|b| b.core).sum::<Share>().value();
+        let least = f64::max(config.least_bright_share / 2.0, 2.0 * bare).min(MOST_PAINTED);
+        shares.painted = share.clamp(least, MOST_PAINTED);
     }
     // What tells a line from a texture is its clear paint; then comes the worn.
-    let worn = (config.worn_share * shares.painted).max(config.least_worn_ratio.max(1.5) * shares.bare);
+    let worn = (config.worn_share * shares.painted).max(config.least_worn_ratio * shares.bare);
     for bin in bins.iter_mut() {
         bin.clear = bin.painted;
     }
@@ -47,9 +52,8 @@ pub fn decide(bins: &mut [Bin], config: &LaneConfig) -> Shares {
 
 /// Share of clear paint among painted bins.
 pub fn clear_share<'a>(bins: impl Iterator<Item = &'a Bin>) -> f64 {
-    let painted = bins.filter(|b| b.painted).map(|b| f64::from(u8::from(b.clear)));
-    let (sum, count) = painted.fold((0.0, 0.0), |(sum, count), clear| (sum + clear, count + 1.0));
-    sum / f64::max(count, 1.0)
+    let (clear, worn): (Vec<&Bin>, Vec<&Bin>) = bins.filter(|b| b.painted).partition(|b| b.clear);
+    clear.len() as f64 / (clear.len() + worn.len()).max(1) as f64
 }
 
 /// Paint that nobody saw: where nothing tells, the likeliest is what was there

@@ -4,8 +4,9 @@ use common::map::LaneKind;
 use serde::{Deserialize, Serialize};
 
 use super::LaneConfig;
+use super::decision::MOST_PAINTED;
 use super::paint::{Paint, between};
-use super::profile::{Bin, Shares, runs};
+use super::profile::{Bin, Share, Shares, runs};
 
 /// How the marks of dashed lines are measured.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -48,8 +49,8 @@ pub fn marks(kind: LaneKind, bins: &[Bin], shares: Shares, paint: &Paint, config
     // Worn paint has a share of its own, which is that next to the end.
     let near = (2.0 * config.marks.search_m / config.profile_m).ceil() as usize;
     let painted = |bins: &[Bin]| {
-        let (bright, road) = bins.iter().fold((0.0, 0.0), |sum, b| (sum.0 + b.core.bright, sum.1 + b.core.road));
-        f64::min(bright / f64::max(road, 1.0), shares.painted).max(2.0 * shares.bare).min(0.9)
+        let share = bins.iter().map(|b| b.core).sum::<Share>().value();
+        share.min(shares.painted).max(2.0 * shares.bare).min(MOST_PAINTED)
     };
     let ends_m = |run: std::ops::Range<usize>| {
         let on = bins.get(run)?;

@@ -62,6 +62,7 @@ impl RoadPoints {
         let half_m = config.half_width_m;
         let grid = Grid::covering(Point2::new(-half_m, from_m), Point2::new(half_m, to_m), CELL_M);
         let cell = |p: &RoadPoint| grid.index(&Point2::new(f64::from(p.offset_m), f64::from(p.station_m)));
+        // Found once: the sort asks twice.
         let cells: Vec<Option<u32>> = parts.iter().flatten().map(|p| cell(p).map(|cell| cell as u32)).collect();
         let cells = cells.iter().map(|cell| cell.map(|cell| cell as usize));
         Self { points: ByCell::new(&grid, cells.zip(parts.iter().flatten().copied())), grid }

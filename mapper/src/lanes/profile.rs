@@ -1,5 +1,6 @@
 //! What is painted along a line: bins of its length, and their runs.
 
+use std::iter::Sum;
 use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector3};
@@ -65,12 +66,13 @@ pub struct Share {
     pub road: f64,
 }
 
-impl Share {
-    /// Both together.
-    pub fn plus(self, other: Self) -> Self {
-        Self { bright: self.bright + other.bright, road: self.road + other.road }
+impl Sum for Share {
+    fn sum<I: Iterator<Item = Self>>(shares: I) -> Self {
+        shares.fold(Self::default(), |sum, s| Self { bright: sum.bright + s.bright, road: sum.road + s.road })
     }
+}
 
+impl Share {
     /// Of all points those of paint, from 0 to 1.
     pub fn value(self) -> f64 {
         self.bright / self.road.max(1.0)

@@ -10,7 +10,7 @@ use super::{LaneConfig, LanePiece};
 /// their sides that none fits in between: arrows or letters in the middle of a
 /// lane. The shortest ones come first: what is none bears no witness against the
 /// next one.
-pub fn without_symbols(mut pieces: Vec<LanePiece>, config: &LaneConfig) -> Vec<LanePiece> {
+pub fn without_symbols(pieces: Vec<LanePiece>, config: &LaneConfig) -> Vec<LanePiece> {
     let mut order: Vec<usize> = (0..pieces.len()).collect();
     // Stable: of equals the last, which was found last.
     order.sort_by(|a, b| pieces[*a].length_m().total_cmp(&pieces[*b].length_m()).then(b.cmp(a)));
@@ -23,9 +23,7 @@ pub fn without_symbols(mut pieces: Vec<LanePiece>, config: &LaneConfig) -> Vec<L
             is_symbol[k] = enclosed_share(piece, &lines, config) >= config.least_enclosed_share;
         }
     }
-    let mut is_symbol = is_symbol.into_iter();
-    pieces.retain(|_| !is_symbol.next().unwrap_or(false));
-    pieces
+    pieces.into_iter().zip(is_symbol).filter(|(_, is_symbol)| !is_symbol).map(|(piece, _)| piece).collect()
 }
 
 /// Share of the length of a piece on which lines run on both its sides, nearer

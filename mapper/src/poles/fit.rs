@@ -236,12 +236,8 @@ fn describe(
 }
 
 fn viewpoints<'a>(cloud: &Cloud, at: Vector2<f64>, config: &PoleConfig, lidar: &'a LidarConfig) -> View<'a> {
-    let from = cloud.sensors.iter().zip(&cloud.view_weight).map(|(sensor, weight)| {
-        let view = at - Vector2::new(sensor.at.x, sensor.at.z);
-        let direction = view.try_normalize(1e-6).unwrap_or_else(Vector2::zeros);
-        let rise = sensor.rise.dot(&direction);
-        Viewpoint { distance_m: view.norm(), height: lidar.apex_m - sensor.at.y, rise, weight: *weight }
-    });
+    let views = cloud.sensors.iter().map(|sensor| sensor.view_of(&at, lidar));
+    let from = views.zip(&cloud.view_weight).map(|(view, weight)| Viewpoint { weight: *weight, ..view });
     View::new(from, config.farthest_m, lidar)
 }
 

@@ -7,6 +7,7 @@ use nalgebra::Point2;
 use rayon::prelude::*;
 
 use super::PoleConfig;
+use crate::by_cell::ByCell;
 use crate::cloud::CloudPoint;
 use crate::grid::Grid;
 
@@ -16,10 +17,8 @@ const SLICES: usize = 64;
 /// The standing points, sorted by column of the ground plane.
 pub struct Stacks {
     grid: Grid,
-    /// Slice of each point.
-    slices: Vec<u8>,
-    /// Where each column begins in `slices`.
-    starts: Vec<u32>,
+    /// Slice of each point, by column.
+    slices: ByCell<u8>,
     lowest_m: f64,
     slice_m: f64,
 }
@@ -122,28 +121,15 @@ impl Stacks {
             (slice >= 0.0 && slice < SLICES as f64)
                 .then(|| grid.index(&Point2::new(p.position.x, p.position.z)))
                 .flatten()
-                .map(|column| (column, slice as u8))
+                .map(|column| (Some(column), slice as u8))
         };
-        let mut starts = vec![0_u32; grid.len() + 1];
-        points.iter().filter_map(place).for_each(|(column, _)| starts[column + 1] += 1);
-        for i in 1..starts.len() {
-            starts[i] += starts[i - 1];
-        }
-        let mut slices = vec![0_u8; starts.last().map_or(0, |n| *n as usize)];
-        // Each start moves on to the next one, and then back: a grid of fine
-        // columns is too large for a copy.
-        for (column, slice) in points.iter().filter_map(place) {
-            slices[starts[column] as usize] = slice;
-            starts[column] += 1;
-        }
-        starts.copy_within(..grid.len(), 1);
-        starts[0] = 0;
-        Self { grid, slices, starts, lowest_m: config.lowest_m, slice_m: config.slice_m }
+        let slices = ByCell::new(&grid, points.iter().filter_map(place));
+        Self { grid, slices, lowest_m: config.lowest_m, slice_m: config.slice_m }
     }
 
     /// Slices of the points in some columns side by side.
     fn columns(&self, indices: Range<usize>) -> &[u8] {
-        &self.slices[self.starts[indices.start] as usize..self.starts[indices.end] as usize]
+        self.slices.of_cells(indices)
     }
 
     fn column(&self, index: usize) -> &[u8] {
@@ -223,7 +209,7 @@ impl Stacks {
     fn best(&self, apart_m: f64, at: impl Fn(usize) -> Option<Stack> + Sync) -> Vec<Stack> {
         let mut found: Vec<(usize, Stack)> = (0..self.grid.len())
             .into_par_iter()
-            .filter(|i| self.starts[*i] != self.starts[*i + 1])
+            .filter(|i| !self.column(*i).is_empty())
             .filter_map(|i| Some((i, at(i)?)))
             .collect();
         found.sort_by(|a, b| b.1.score.total_cmp(&a.1.score).then(a.0.cmp(&b.0)));

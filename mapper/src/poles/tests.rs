@@ -291,13 +291,13 @@ fn a_trunk_that_goes_on_above_the_field_of_view_does_not_end_below_any_sign() {
         is_pole(&FittedPole { top_height_m, radius_m, top_is_open, ..pole.clone() }, &stack, &config)
     };
     assert!(is_pole(1.7, 0.17, true) && !is_pole(1.7, 0.17, false) && is_pole(1.7, 0.05, false));
-    // Near the road the field of view ends low, and far from it high.
-    let is_open = |x: f64| {
+    // From 30 m, the farthest place, the highest beam meets it 2.9 m above ground.
+    let is_open = |height_m: f64| {
         let mut street = Street::new();
-        post(&mut street, Point3::new(x, CAMERA_HEIGHT_M, 28.0), 2.5, 0.05);
+        post(&mut street, Point3::new(12.0, CAMERA_HEIGHT_M, 28.0), height_m, 0.05);
         found(street).swap_remove(0).1.top_is_open
     };
-    assert!(!is_open(12.0));
+    assert!(!is_open(2.3) && is_open(2.8));
 }
 
 #[test]

@@ -216,7 +216,7 @@ fn plate(
             .map(|(_, step)| step.recip())
             .sum()
     };
-    let ceiling = |r: &Row| cloud.sensors[usize::from(r.scan)].ceiling(&r.view, r.range_m, lidar);
+    let ceiling = |r: &Row| cloud.sensors[usize::from(r.scan)].view_along(&r.view, r.range_m, lidar).ceiling(lidar);
     let above = beams(&|r, step| ceiling(r) > highest.height + 0.5 * step);
     let below = beams(&|_, _| true);
     let is_post = |r: &&&Row| says(r, axis, config) == Says::Post;

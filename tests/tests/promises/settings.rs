@@ -44,11 +44,11 @@ fn a_reader_that_is_gone_is_no_fault() {
 }
 
 /// The defaults are within their limits, and every limit is of a setting.
-fn hold<T: Serialize + DeserializeOwned + Default>(limits: &[Limits]) {
+fn hold<T: Serialize + DeserializeOwned + Default + PartialEq + std::fmt::Debug>(limits: &[Limits]) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("all.toml");
     std::fs::write(&file, to_toml(&T::default()).unwrap()).unwrap();
-    load_within::<T>(&file, limits).unwrap();
+    assert_eq!(load_within::<T>(&file, limits).unwrap(), T::default());
     for wanted in limits {
         // Nothing is within a limit that ends below where it begins.
         let none = [Limits { least: 1.0, most: 0.0, ..*wanted }];

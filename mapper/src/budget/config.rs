@@ -38,6 +38,9 @@ pub struct BudgetConfig {
     pub landmark_sigma_m: f64,
     /// The same for lane lines, metres: they are repainted.
     pub lane_sigma_m: f64,
+    /// How far off the marks of a dashed line are along it, metres, as one:
+    /// beams of the survey on one side, edges in the image on the other.
+    pub mark_sigma_m: f64,
     /// Calibration, rectification and exposure time, pixels, for all alike.
     pub calibration_sigma_px: f64,
     /// What is known of the pose before any landmark is seen, one standard
@@ -68,8 +71,8 @@ pub struct BudgetConfig {
     /// where on a drive may be lost.
     pub worst_power: f64,
     /// Coarser details that are tried where a map does not fit: quantum, lane
-    /// tolerance, road tolerance, metres. The one that localizes best is
-    /// taken.
+    /// tolerance, road tolerance, metres; each with the marks of dashed lines
+    /// and without. The one that localizes best is taken.
     pub coarser: Vec<[f64; 3]>,
 }
 
@@ -95,8 +98,11 @@ pub struct Found {
     /// Length in the image at which half of the poles are found, pixels: of
     /// half that length it is a quarter, of twice it three quarters.
     pub half_of_poles_px: f64,
-    /// Sign posts against other poles of that length: thin, and taken for part
-    /// of their sign.
+    /// The same of delineators and bollards, pixels: they are nearer and wider
+    /// than other poles of that length, and nothing hides their foot.
+    pub half_of_delineators_px: f64,
+    /// Sign posts against other poles of that length: in generated images as
+    /// many are found, in those of KITTI 04 none, being thin.
     pub sign_posts: f64,
     /// Trunks against other poles: most networks do not call them poles. More
     /// than nothing, so that they fill what is left.
@@ -107,6 +113,10 @@ pub struct Found {
     pub lanes: f64,
     /// Length in view that is enough, metres.
     pub lane_length_m: f64,
+    /// Marks of a dashed line that is found, where some are in view: three
+    /// quarters in generated images. 0 for a localizer that has label images
+    /// only, in which dashed lines have no gaps.
+    pub marks: f64,
 }
 
 impl Default for BudgetConfig {
@@ -120,6 +130,7 @@ impl Default for BudgetConfig {
             lane_far_m: 30.0,
             landmark_sigma_m: 0.05,
             lane_sigma_m: 0.02,
+            mark_sigma_m: 0.13,
             pole_sigma_px: 1.5,
             sign_sigma_px: 1.5,
             sign_sigma_of_size: 0.1,
@@ -147,6 +158,15 @@ impl Default for Camera {
 
 impl Default for Found {
     fn default() -> Self {
-        Self { half_of_poles_px: 80.0, sign_posts: 0.2, trunks: 0.01, signs: 0.45, lanes: 0.93, lane_length_m: 18.0 }
+        Self {
+            half_of_poles_px: 80.0,
+            half_of_delineators_px: 36.0,
+            sign_posts: 0.5,
+            trunks: 0.01,
+            signs: 0.6,
+            lanes: 0.93,
+            lane_length_m: 18.0,
+            marks: 0.75,
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! How finely a map is written.
 
-use common::map::{LaneLine, Road, SemanticMap};
+use common::map::{LaneLine, Road, SemanticMap, marks_along};
 use nalgebra::{Matrix3, Point3};
 use serde::Serialize;
 
@@ -17,31 +17,47 @@ pub struct Detail {
     pub lane_tolerance_m: f64,
     /// By how much the roads' paths may be simplified, metres.
     pub road_tolerance_m: f64,
+    /// Whether dashed lines keep their marks.
+    pub marks: bool,
 }
 
 impl From<[f64; 3]> for Detail {
     fn from([quantum_m, lane_tolerance_m, road_tolerance_m]: [f64; 3]) -> Self {
-        Self { quantum_m, lane_tolerance_m, road_tolerance_m }
+        Self { quantum_m, lane_tolerance_m, road_tolerance_m, marks: true }
     }
 }
+
+/// The middle of a mark lies no farther off the chord of its line, metres: a
+/// mark of 10 m on a curve of 50 m.
+const MARK_OFF_M: f64 = 0.25;
 
 impl Detail {
     /// A map as it is.
     pub fn unchanged(quantum_m: f64) -> Self {
-        Self { quantum_m, lane_tolerance_m: 0.0, road_tolerance_m: 0.0 }
+        Self { quantum_m, lane_tolerance_m: 0.0, road_tolerance_m: 0.0, marks: true }
     }
 
-    /// A map with fewer vertices, without the marks of lines that are simplified
-    /// (what they are worth is not predicted), and what its landmarks are still known to:
+    /// The same without marks.
+    #[must_use]
+    pub fn without_marks(self) -> Self {
+        Self { marks: false, ..self }
+    }
+
+    /// A map with fewer vertices, and what its landmarks are still known to:
     /// the coarser grid adds `quantum^2 / 12` to each axis, a simplified line
     /// what its lost vertices lie off it.
     pub fn applied(&self, whole: Known<'_>) -> (SemanticMap, MapEvidence) {
         let road = |road: &Road| Road { path_map: thinned(&road.path_map, self.road_tolerance_m) };
-        let is_whole = self.lane_tolerance_m <= 0.0;
-        let lane = |lane: &LaneLine| LaneLine {
-            points_map: thinned(&lane.points_map, self.lane_tolerance_m),
-            marks_m: if is_whole { lane.marks_m.clone() } else { Vec::new() },
-            ..*lane
+        let lane = |lane: &LaneLine| {
+            let points_map = thinned(&lane.points_map, self.lane_tolerance_m);
+            let marks_m = match (self.marks, points_map.len() == lane.points_map.len()) {
+                (false, _) => Vec::new(),
+                (true, true) => lane.marks_m.clone(),
+                (true, false) => {
+                    marks_along(&points_map, &lane.marks_map().collect::<Vec<_>>(), self.lane_tolerance_m + MARK_OFF_M)
+                }
+            };
+            LaneLine { points_map, marks_m, ..*lane }
         };
         let map = SemanticMap {
             roads: whole.map.roads.iter().map(road).collect(),

@@ -89,7 +89,9 @@ pub fn reduce(whole: Known<'_>, budget_bytes: usize, config: &BudgetConfig) -> R
     let coarser = config.coarser.iter().map(|level| Detail::from(*level)).filter(|d| d.quantum_m >= whole.quantum_m);
     let mut best: Option<(f64, Reduced)> = None;
     let mut least_bytes = usize::MAX;
-    for detail in std::iter::once(unchanged).chain(coarser) {
+    let has_marks = whole.map.lanes.iter().any(|lane| !lane.marks_m.is_empty());
+    let both = |detail: Detail| std::iter::once(detail).chain(has_marks.then(|| detail.without_marks()));
+    for detail in std::iter::once(unchanged).chain(coarser).flat_map(both) {
         let (map, evidence) = detail.applied(whole);
         let options = EncodeOptions { quantum_m: detail.quantum_m };
         let empty = cost::without_landmarks(&map).encode(&options)?.len();
@@ -106,7 +108,7 @@ pub fn reduce(whole: Known<'_>, budget_bytes: usize, config: &BudgetConfig) -> R
             let predicted = predict(&map, &evidence, &places, config);
             best = Some((chosen.left, Reduced { bytes, map, evidence, detail, predicted }));
         }
-        if everything {
+        if everything && (detail.marks || !has_marks) {
             break;
         }
     }

@@ -1,7 +1,8 @@
 //! What a landmark tells a camera about its pose, place by place.
 //!
 //! A pole gives the distances of its two ends from a line in the image, a lane
-//! line those of its knots, a sign the two coordinates of its centre. Each is
+//! line those of its knots and where the nearest of its marks ends along it, a
+//! sign the two coordinates of its centre. Each is
 //! linearised at the place: a row of the whitened Jacobian, so that the
 //! information of a place is the sum of `row row^T` (Gauss-Markov).
 
@@ -49,6 +50,22 @@ impl Lens<'_> {
         p.z > self.config.nearest_m && (0.0..=self.config.camera.width_px).contains(&self.pixel(p).x)
     }
 
+    /// Where along its line the nearest end of a mark lies that is in view.
+    fn along_line(&self, marks_map: &[[Point3<f64>; 2]], place: &Place) -> Option<Vector6<f64>> {
+        let config = self.config;
+        let ends = marks_map.iter().flat_map(|[from, to]| [(from, to - from), (to, to - from)]);
+        let in_view = ends
+            .map(|(end, along)| (place.in_camera(end), place.camera_from_map * along))
+            .filter(|(p, _)| (config.lane_near_m..config.lane_far_m).contains(&p.z) && self.is_between_columns(p));
+        let (p, along) = in_view.min_by(|a, b| a.0.z.total_cmp(&b.0.z))?;
+        let step = along.try_normalize(1e-9)? * STEP_M;
+        let way = (self.pixel(&(p + step)) - self.pixel(&p)) / STEP_M;
+        let tangent = way.try_normalize(1e-9)?;
+        let mark_px = config.mark_sigma_m * way.norm();
+        let sigma_px = config.lane_sigma_px.hypot(config.calibration_sigma_px).hypot(mark_px);
+        Some(self.row(&p, &tangent, sigma_px))
+    }
+
     /// Derivative of `normal . pixel` for the pose, over its standard
     /// deviation; a point moves by `-rho + p x phi` in the camera's axes.
     fn row(&self, p: &Vector3<f64>, normal: &Vector2<f64>, sigma_px: f64) -> Vector6<f64> {
@@ -61,10 +78,12 @@ impl Lens<'_> {
 
 /// What a pole tells.
 pub fn of_pole(pole: &Pole, evidence: &PointEvidence, places: &Places, config: &BudgetConfig) -> Vec<Row> {
-    let of_kind = match pole.kind {
-        PoleKind::Trunk => config.found.trunks,
-        PoleKind::SignPost => config.found.sign_posts,
-        PoleKind::LampPost | PoleKind::Delineator => 1.0,
+    let found = &config.found;
+    let (of_kind, half_px) = match pole.kind {
+        PoleKind::Trunk => (found.trunks, found.half_of_poles_px),
+        PoleKind::SignPost => (found.sign_posts, found.half_of_poles_px),
+        PoleKind::LampPost => (1.0, found.half_of_poles_px),
+        PoleKind::Delineator => (1.0, found.half_of_delineators_px),
     };
     let lens = Lens { config };
     let mut rows = Vec::new();
@@ -74,7 +93,7 @@ pub fn of_pole(pole: &Pole, evidence: &PointEvidence, places: &Places, config: &
         let (a, b) = (lens.pixel(&upper), lens.pixel(&lower));
         let Some(along) = (b - a).try_normalize(1e-9) else { continue };
         let normal = Vector2::new(-along.y, along.x);
-        let found = of_kind * share_found((b - a).norm() / config.found.half_of_poles_px.max(1e-9));
+        let found = of_kind * share_found((b - a).norm() / half_px.max(1e-9));
         let landmark_m = evidence.sigma_m(&place.camera_from_map.row(0).transpose());
         for p in [upper, lower] {
             let landmark_px = landmark_m.hypot(config.landmark_sigma_m) * config.camera.focal_px / p.z;
@@ -137,13 +156,17 @@ pub fn of_sign(sign: &Sign, evidence: &PointEvidence, places: &Places, config: &
     rows
 }
 
+/// So far along a line its direction in the image is taken, metres.
+const STEP_M: f64 = 0.1;
 /// Distance of the knots of a lane line, metres.
 const KNOT_M: f64 = 5.0;
 
-/// What a lane line tells: however many knots are seen, as much as two.
+/// What a lane line tells: however many knots are seen, as much as two, and
+/// however many marks, as much as one.
 pub fn of_lane(lane: &LaneLine, evidence: &LineEvidence, places: &Places, config: &BudgetConfig) -> Vec<Row> {
     let lens = Lens { config };
     let knots = knots(lane);
+    let marks: Vec<[Point3<f64>; 2]> = lane.marks_map().collect();
     let mut rows: Vec<Row> = Vec::new();
     for index in places.near(knots.iter().map(|knot| knot.0), config.lane_far_m) {
         let place = &places.list[index];
@@ -155,7 +178,9 @@ pub fn of_lane(lane: &LaneLine, evidence: &LineEvidence, places: &Places, config
             if !is_ahead || !lens.is_between_columns(&p) {
                 continue;
             }
-            let Some(tangent) = (lens.pixel(&(p + along * 0.1)) - lens.pixel(&p)).try_normalize(1e-9) else { continue };
+            let Some(tangent) = (lens.pixel(&(p + along * STEP_M)) - lens.pixel(&p)).try_normalize(1e-9) else {
+                continue;
+            };
             let normal = Vector2::new(-tangent.y, tangent.x);
             in_view_m += length_m;
             let scale = config.camera.focal_px / p.z;
@@ -168,6 +193,9 @@ pub fn of_lane(lane: &LaneLine, evidence: &LineEvidence, places: &Places, config
         let seen = (rows.len() - start) as f64;
         for row in &mut rows[start..] {
             *row = Row::new(index, row.whitened * (2.0 / seen).min(1.0).sqrt(), found);
+        }
+        if let Some(whitened) = lens.along_line(&marks, place) {
+            rows.push(Row::new(index, whitened, found * config.found.marks));
         }
     }
     rows

@@ -69,6 +69,67 @@ fn a_map_that_fits_is_kept_as_it_is() {
 }
 
 #[test]
+fn of_poles_alike_in_the_image_delineators_are_found_most_and_trunks_least() {
+    let (map, evidence) = whole(&map());
+    let config = BudgetConfig::default();
+    let places = Places::along(&map.roads, &config);
+    let (pole, evidence) = map.poles.iter().zip(&evidence.poles).find(|(pole, _)| pole.foot_map.z > 60.0).unwrap();
+    let found = |kind: PoleKind| {
+        let rows = sight::of_pole(&Pole { kind, ..*pole }, evidence, &places, &config);
+        assert!(!rows.is_empty());
+        rows.iter().map(|row| row.found).sum::<f64>()
+    };
+    let shares = [PoleKind::Delineator, PoleKind::LampPost, PoleKind::SignPost, PoleKind::Trunk].map(found);
+    assert!(shares.is_sorted_by(|a, b| a > b), "{shares:?}");
+}
+
+/// A dashed line along some points, with marks of 3 m every 9 m.
+fn dashed(points_map: Vec<Point3<f64>>) -> LaneLine {
+    let length_m: f64 = points_map.windows(2).map(|ends| (ends[1] - ends[0]).norm()).sum();
+    let begins = (0..).map(|k| 9.0 * f64::from(k)).take_while(|from_m| from_m + 3.0 < length_m);
+    LaneLine {
+        kind: LaneKind::Dashed,
+        marks_m: begins.map(|from_m| [from_m, from_m + 3.0]).collect(),
+        points_map,
+        road: RoadId(0),
+    }
+}
+
+#[test]
+fn marks_are_kept_where_they_are_read() {
+    let lines = [-1.8, 1.8].map(|x| dashed([0.0, 30.0, 100.0].map(|z| Point3::new(x, 1.6, z)).to_vec()));
+    let own = SemanticMap { poles: Vec::new(), signs: Vec::new(), lanes: lines.to_vec(), ..map() };
+    let (map, evidence) = whole(&own);
+    let reduced = |marks: f64, budget_bytes: usize| {
+        let config = BudgetConfig { found: Found { marks, ..Found::default() }, ..BudgetConfig::default() };
+        reduce(Known { map: &map, evidence: &evidence, quantum_m: QUANTUM_M }, budget_bytes, &config).unwrap()
+    };
+    let (read, unread) = (reduced(0.75, usize::MAX), reduced(0.0, usize::MAX));
+    assert!(read.predicted.longitudinal_m.median < 0.5 * unread.predicted.longitudinal_m.median);
+    let marks = |marks: f64| {
+        let map = reduced(marks, read.bytes.len() - 8).map;
+        (map.lanes.len(), map.lanes.iter().map(|lane| lane.marks_m.len()).sum::<usize>())
+    };
+    assert!(marks(0.75).1 > 0);
+    assert_eq!(marks(0.0), (2, 0));
+}
+
+#[test]
+fn a_simpler_line_has_its_marks_where_they_were() {
+    let arc = (0..30).map(|k| 0.02 * f64::from(k)).map(|a| Point3::new(100.0 * (1.0 - a.cos()), 1.6, 100.0 * a.sin()));
+    let own = SemanticMap { lanes: vec![dashed(arc.collect())], ..map() };
+    let (map, evidence) = whole(&own);
+    let level = [0.05, 0.08, 0.3];
+    let (simple, _) = Detail::from(level).applied(Known { map: &map, evidence: &evidence, quantum_m: QUANTUM_M });
+    let [full, simple] = [&map, &simple].map(|map| &map.lanes[0]);
+    assert!(simple.points_map.len() < full.points_map.len() / 2, "{} vertices", simple.points_map.len());
+    assert_eq!(simple.marks_m.len(), full.marks_m.len());
+    for (now, before) in simple.marks_map().flatten().zip(full.marks_map().flatten()) {
+        assert!((now - before).norm() < 0.12, "{now} {before}");
+    }
+}
+
+#[test]
 fn the_lonely_landmarks_are_kept_before_the_many() {
     let all = reduced(usize::MAX).unwrap();
     let few = reduced(all.bytes.len() / 3).unwrap();

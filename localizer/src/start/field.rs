@@ -7,8 +7,7 @@ use nalgebra::{Point2, Vector3, Vector6};
 
 use super::StartConfig;
 use crate::associate::matching::Scene;
-use crate::features::PointFeature;
-use crate::prepare::PreparedLane;
+use crate::prepare::{MAX_KNOTS, PreparedLane};
 use crate::projection::View;
 
 /// A pole feature, as far as the score needs it.
@@ -20,48 +19,114 @@ struct Mark {
     variance_px2: f64,
 }
 
-/// Standard deviations of a cell.
+/// A stretch of a lane feature.
+#[derive(Debug, Clone, Copy, Default)]
+struct Stretch {
+    from_row_px: f64,
+    to_row_px: f64,
+    column_px: f64,
+    /// Columns per row.
+    slope: f64,
+}
+
+/// A lane feature: where it is in each row.
+#[derive(Debug, Clone, Copy, Default)]
+struct Curve {
+    stretches: [Stretch; MAX_KNOTS],
+    count: usize,
+    first_row_px: f64,
+    last_row_px: f64,
+}
+
+impl Curve {
+    fn new(feature: &PreparedLane) -> Self {
+        let mut curve = Self { first_row_px: f64::MAX, last_row_px: f64::MIN, ..Self::default() };
+        for ends in feature.knots().windows(2) {
+            let (a, b) = (ends[0].at_px, ends[1].at_px);
+            let rows_px = b.y - a.y;
+            let Some(stretch) = curve.stretches.get_mut(curve.count).filter(|_| rows_px.abs() > 1e-6) else { continue };
+            *stretch = Stretch { from_row_px: a.y, to_row_px: b.y, column_px: a.x, slope: (b.x - a.x) / rows_px };
+            curve.count += 1;
+            curve.first_row_px = curve.first_row_px.min(a.y).min(b.y);
+            curve.last_row_px = curve.last_row_px.max(a.y).max(b.y);
+        }
+        curve
+    }
+
+    /// Its column at a row, and columns per row there; none beyond its ends.
+    fn column_at(&self, row_px: f64) -> Option<(f64, f64)> {
+        if !(self.first_row_px..=self.last_row_px).contains(&row_px) {
+            return None;
+        }
+        let is_in = |at: &&Stretch| (row_px - at.from_row_px) * (row_px - at.to_row_px) <= 0.0;
+        let at = self.stretches.iter().take(self.count).find(is_in)?;
+        Some((at.column_px + at.slope * (row_px - at.from_row_px), at.slope))
+    }
+}
+
+/// Variances of a cell.
 #[derive(Debug, Clone, Copy)]
 struct Cell {
-    position_m: f64,
-    yaw_rad: f64,
-    height_m: f64,
-    tilt_rad: f64,
+    position_m2: f64,
+    yaw_rad2: f64,
+    height_m2: f64,
+    tilt_rad2: f64,
+    focal_px2: f64,
 }
 
 impl Cell {
-    fn new(sigmas: &Vector6<f64>) -> Self {
+    fn new(sigmas: &Vector6<f64>, focal_px: f64) -> Self {
+        let squares = sigmas.component_mul(sigmas);
         Self {
-            position_m: sigmas[0].max(sigmas[2]),
-            yaw_rad: sigmas[4],
-            height_m: sigmas[1],
-            tilt_rad: sigmas[3].max(sigmas[5]),
+            position_m2: squares[0].max(squares[2]),
+            yaw_rad2: squares[4],
+            height_m2: squares[1],
+            tilt_rad2: squares[3].max(squares[5]),
+            focal_px2: focal_px * focal_px,
         }
     }
 
-    /// The square of what [`Self::pixels`] gives but for rounding, which costs
-    /// less.
-    fn pixels2(&self, p: &Vector3<f64>, focal_px: f64) -> (f64, f64) {
-        let (slope, inverse_m) = (p.x / p.z, 1.0 / p.z);
+    /// Variances of column and row (px^2) of a point in camera axes, of which
+    /// one over the depth is known.
+    fn variances_px2(&self, p: &Vector3<f64>, inverse_m: f64) -> (f64, f64) {
+        let (slope, inverse_m2) = (p.x * inverse_m, inverse_m * inverse_m);
         let slant2 = slope * slope + 1.0;
-        let (position, yaw) = (self.position_m * inverse_m, self.yaw_rad);
-        let (height, tilt) = (self.height_m * inverse_m, self.tilt_rad);
-        let column2 = position * position * slant2 + yaw * yaw * slant2 * slant2;
-        (focal_px * focal_px * column2, focal_px * focal_px * (height * height + tilt * tilt * slant2))
+        let column = (self.position_m2 * inverse_m2 + self.yaw_rad2 * slant2) * slant2;
+        (self.focal_px2 * column, self.focal_px2 * (self.height_m2 * inverse_m2 + self.tilt_rad2 * slant2))
+    }
+}
+
+/// The sum of logarithms, of which few are taken.
+#[derive(Debug, Clone, Copy)]
+struct Product {
+    ln: f64,
+    rest: f64,
+}
+
+impl Product {
+    const ONE: Self = Self { ln: 0.0, rest: 1.0 };
+
+    /// By a factor of 0.01 to 1.
+    fn times(&mut self, factor: f64) {
+        self.rest *= factor;
+        if self.rest < 1e-200 {
+            *self = Self { ln: self.ln(), rest: 1.0 };
+        }
     }
 
-    /// Of the column and the row of a point in camera axes, pixels.
-    fn pixels(&self, p: &Vector3<f64>, focal_px: f64) -> (f64, f64) {
-        let slant = (p.x / p.z).hypot(1.0);
-        let column = (self.position_m * slant / p.z).hypot(self.yaw_rad * slant * slant);
-        (focal_px * column, focal_px * (self.height_m / p.z).hypot(self.tilt_rad * slant))
+    fn ln(&self) -> f64 {
+        self.ln + self.rest.ln()
     }
 }
 
 /// What a frame shows, and buffers of the score.
 #[derive(Debug, Clone, Default)]
 pub struct Field {
+    /// By column.
     poles: Vec<Mark>,
+    /// The largest of their variances.
+    most_px2: f64,
+    lanes: Vec<Curve>,
     gains: Vec<f64>,
 }
 
@@ -75,16 +140,22 @@ impl Field {
             bottom_px: pole.upper_px.y + pole.length_px * pole.down.y,
             variance_px2: (pole.offset_sigma_px + pole.angle_sigma_rad * pole.length_px).powi(2),
         }));
+        self.poles.sort_unstable_by(|a, b| a.column_px.total_cmp(&b.column_px));
+        self.most_px2 = self.poles.iter().map(|mark| mark.variance_px2).fold(0.0, f64::max);
+        self.lanes.clear();
+        self.lanes.extend(scene.features.lanes.iter().map(Curve::new));
     }
 
     /// The score of a cell with these standard deviations (camera tangent),
     /// nats: as the support of a frame, but each feature taken by the landmark
     /// that fits it best.
     pub fn score(&mut self, scene: &Scene<'_>, pose: &Pose, sigmas: &Vector6<f64>, config: &StartConfig) -> f64 {
-        let (view, cell) = (View::new(scene.camera, pose), Cell::new(sigmas));
-        self.score_poles(scene, &view, &cell, config)
-            + self.score_signs(scene, &view, &cell, config)
-            + self.score_lanes(scene, &view, &cell, config)
+        let (view, cell) = (View::new(scene.camera, pose), Cell::new(sigmas, scene.camera.fx_px));
+        let mut unseen = Product::ONE;
+        let gains = self.score_poles(scene, &view, &cell, config, &mut unseen)
+            + self.score_signs(scene, &view, &cell, config, &mut unseen)
+            + self.score_lanes(scene, &view, &cell, config, &mut unseen);
+        unseen.ln() + gains
     }
 
     /// Begins a count over `features`.
@@ -97,112 +168,119 @@ impl Field {
         self.gains.iter().sum()
     }
 
-    fn score_poles(&mut self, scene: &Scene<'_>, view: &View, cell: &Cell, config: &StartConfig) -> f64 {
+    fn score_poles(
+        &mut self,
+        scene: &Scene<'_>,
+        view: &View,
+        cell: &Cell,
+        config: &StartConfig,
+        unseen: &mut Product,
+    ) -> f64 {
         self.begin(self.poles.len());
-        let focal_px = scene.camera.fx_px;
-        let clutter_ln = (self.poles.len().max(1) as f64 / scene.image.width_px).ln();
-        let mut unseen = 0.0;
+        let (camera, focal_px) = (scene.camera, scene.camera.fx_px);
+        let clutter_per_px = self.poles.len().max(1) as f64 / scene.image.width_px;
         for pole in &scene.candidates.poles {
             let (foot, top) = (view.to_camera(&pole.foot_map), view.to_camera(&pole.top_map));
             if foot.z.min(top.z) < config.nearest_m {
                 continue;
             }
-            let (low, high) = (view.pixel(&foot), view.pixel(&top));
-            let is_expected = is_inside(&low, scene) && high.y < scene.image.height_px;
-            let landmark_px = scene.noise.pole_sigma_m * focal_px / foot.z;
-            let calibration_px = scene.noise.calibration_sigma_px;
-            let (column2, _) = cell.pixels2(&foot, focal_px);
-            let all2 = column2 + landmark_px * landmark_px + calibration_px * calibration_px;
-            let is_near = |mark: &Mark| {
-                let off_px = low.x - mark.column_px;
-                off_px * off_px < FAR2 * (all2 + mark.variance_px2)
-            };
-            let any_is_near = self.poles.iter().any(is_near);
-            if !is_expected && !any_is_near {
-                continue;
-            }
-            let found = scene.detection.pole(pole.kind, foot.z, pole.sight_m);
+            let inverse_m = 1.0 / foot.z;
+            let column_px = focal_px * foot.x * inverse_m + camera.cx_px;
+            let top_is_in = camera.fy_px * top.y < (scene.image.height_px - camera.cy_px) * top.z;
+            let is_expected = column_px > 0.0 && column_px < scene.image.width_px && top_is_in;
+            let found = || scene.detection.pole(pole.kind, foot.z, pole.sight_m);
+            let mut known = None;
             if is_expected {
-                unseen += (1.0 - found).ln();
+                let found = *known.get_or_insert_with(found);
+                unseen.times(1.0 - found);
             }
-            if !any_is_near {
-                continue;
-            }
-            let (column_px, row_px) = cell.pixels(&foot, focal_px);
-            let own_px = landmark_px.hypot(calibration_px);
-            let least = (found / (1.0 - found)).ln() - clutter_ln;
-            let deepest_px = low.y + 2.0 * row_px + scene.noise.foot_sigma_m * focal_px / foot.z;
-            for (mark, gain) in self.poles.iter().zip(&mut self.gains).filter(|(mark, _)| is_near(mark)) {
-                let sigma_px = (column_px * column_px + own_px * own_px + mark.variance_px2).sqrt();
-                let off_px = low.x - mark.column_px;
-                let overlaps = mark.top_px < low.y + row_px && mark.bottom_px > high.y - row_px;
-                if off_px.abs() < 3.0 * sigma_px && overlaps && mark.bottom_px < deepest_px {
-                    *gain = gain.max(least + log_normal(off_px, sigma_px));
+            let (column_px2, row_px2) = cell.variances_px2(&foot, inverse_m);
+            let (landmark_px, calibration_px) =
+                (scene.noise.pole_sigma_m * focal_px * inverse_m, scene.noise.calibration_sigma_px);
+            let own_px2 = column_px2 + landmark_px * landmark_px + calibration_px * calibration_px;
+            let reach_px = (NEAR2 * (own_px2 + self.most_px2)).sqrt();
+            let first = self.poles.partition_point(|mark| mark.column_px < column_px - reach_px);
+            for (mark, gain) in self.poles.iter().zip(&mut self.gains).skip(first) {
+                let off_px = column_px - mark.column_px;
+                if off_px < -reach_px {
+                    break;
+                }
+                let (off_px2, variance_px2) = (off_px * off_px, own_px2 + mark.variance_px2);
+                if off_px2 >= NEAR2 * variance_px2 {
+                    continue;
+                }
+                let row_px = row_px2.sqrt();
+                let (low_px, high_px) =
+                    (camera.fy_px * foot.y * inverse_m + camera.cy_px, camera.fy_px * top.y / top.z + camera.cy_px);
+                let deepest_px = low_px + 2.0 * row_px + scene.noise.foot_sigma_m * focal_px * inverse_m;
+                let overlaps = mark.top_px < low_px + row_px && mark.bottom_px > high_px - row_px;
+                if overlaps && mark.bottom_px < deepest_px {
+                    let found = *known.get_or_insert_with(found);
+                    let ratio = found / ((1.0 - found) * clutter_per_px);
+                    *gain = gain.max(log_normal(ratio, off_px2, variance_px2));
                 }
             }
         }
-        unseen + self.total()
+        self.total()
     }
 
-    fn score_signs(&mut self, scene: &Scene<'_>, view: &View, cell: &Cell, config: &StartConfig) -> f64 {
+    fn score_signs(
+        &mut self,
+        scene: &Scene<'_>,
+        view: &View,
+        cell: &Cell,
+        config: &StartConfig,
+        unseen: &mut Product,
+    ) -> f64 {
         self.begin(scene.features.signs.len());
         let focal_px = scene.camera.fx_px;
-        let area_px2 = scene.image.width_px * scene.image.height_px;
-        let clutter_ln = (scene.features.signs.len().max(1) as f64 / area_px2).ln();
-        let mut unseen = 0.0;
+        let clutter_per_px2 = scene.features.signs.len().max(1) as f64 / (scene.image.width_px * scene.image.height_px);
         for sign in &scene.candidates.signs {
             let p = view.to_camera(&sign.centroid_map);
             if p.z < config.nearest_m {
                 continue;
             }
+            let inverse_m = 1.0 / p.z;
             let at = view.pixel(&p);
-            let is_expected = scene.image.contains(&at, 0.0);
+            let found = || scene.detection.sign(sign.kind, p.z, sign.sight_m);
+            let mut known = None;
+            if scene.image.contains(&at, 0.0) {
+                let found = *known.get_or_insert_with(found);
+                unseen.times(1.0 - found);
+            }
             let (fixed_m, by_size_m) = (scene.noise.sign_sigma_m, scene.noise.sign_sigma_of_size * sign.size_m);
-            let (column2, row2) = cell.pixels2(&p, focal_px);
-            let own2 = (fixed_m * fixed_m + by_size_m * by_size_m) * (focal_px / p.z) * (focal_px / p.z);
-            let is_near = |feature: &PointFeature| {
-                let (off_px, own2) = (at - feature.centre_px, own2 + feature.sigma_px * feature.sigma_px);
-                off_px.x * off_px.x < FAR2 * (own2 + column2) && off_px.y * off_px.y < FAR2 * (own2 + row2)
-            };
-            let any_is_near = scene.features.signs.iter().any(|(_, feature)| is_near(feature));
-            if !is_expected && !any_is_near {
-                continue;
-            }
-            let found = scene.detection.sign(sign.kind, p.z, sign.sight_m);
-            if is_expected {
-                unseen += (1.0 - found).ln();
-            }
-            if !any_is_near {
-                continue;
-            }
-            let (column_px, row_px) = cell.pixels(&p, focal_px);
-            let own_px = fixed_m.hypot(by_size_m) * focal_px / p.z;
-            let least = (found / (1.0 - found)).ln() - clutter_ln;
-            let expected_px = (sign.size_m * focal_px / p.z).max(1.0);
+            let (column_px2, row_px2) = cell.variances_px2(&p, inverse_m);
+            let own_px2 = (fixed_m * fixed_m + by_size_m * by_size_m) * cell.focal_px2 * inverse_m * inverse_m;
             for ((_, feature), gain) in scene.features.signs.iter().zip(&mut self.gains) {
-                if !is_near(feature) {
+                let (off_px, own_px2) = (at - feature.centre_px, own_px2 + feature.sigma_px * feature.sigma_px);
+                let (across_px2, along_px2) = (own_px2 + column_px2, own_px2 + row_px2);
+                let (off_x2, off_y2) = (off_px.x * off_px.x, off_px.y * off_px.y);
+                if off_x2 >= NEAR2 * across_px2 || off_y2 >= NEAR2 * along_px2 || feature.kind != sign.kind {
                     continue;
                 }
-                let ratio = feature.extent_px.norm() / expected_px;
+                let ratio = feature.extent_px.norm() / (sign.size_m * focal_px * inverse_m).max(1.0);
                 let most = scene.noise.max_size_ratio;
-                let own_px = own_px.hypot(feature.sigma_px);
-                let (across_px, along_px) = (own_px.hypot(column_px), own_px.hypot(row_px));
-                let off_px = at - feature.centre_px;
-                let near = off_px.x.abs() < 3.0 * across_px && off_px.y.abs() < 3.0 * along_px;
-                if near && feature.kind == sign.kind && (1.0 / most..=most).contains(&ratio) {
-                    let density = log_normal(off_px.x, across_px) + log_normal(off_px.y, along_px);
-                    *gain = gain.max(least + density);
+                if (1.0 / most..=most).contains(&ratio) {
+                    let found = *known.get_or_insert_with(found);
+                    let ratio = found / ((1.0 - found) * clutter_per_px2);
+                    let along = log_normal(ratio, off_y2, along_px2);
+                    *gain = gain.max(along + log_normal(1.0, off_x2, across_px2));
                 }
             }
         }
-        unseen + self.total()
+        self.total()
     }
 
-    fn score_lanes(&mut self, scene: &Scene<'_>, view: &View, cell: &Cell, config: &StartConfig) -> f64 {
-        self.begin(scene.features.lanes.len());
-        let focal_px = scene.camera.fx_px;
-        let clutter_ln = (scene.features.lanes.len().max(1) as f64 / scene.image.width_px).ln();
-        let mut unseen = 0.0;
+    fn score_lanes(
+        &mut self,
+        scene: &Scene<'_>,
+        view: &View,
+        cell: &Cell,
+        config: &StartConfig,
+        unseen: &mut Product,
+    ) -> f64 {
+        self.begin(self.lanes.len());
+        let clutter_per_px = self.lanes.len().max(1) as f64 / scene.image.width_px;
         for lane in &scene.candidates.lanes {
             let points = scene.candidates.lane_points_map.get(lane.start..lane.end).unwrap_or(&[]);
             let mut places = [None; 3];
@@ -218,90 +296,59 @@ impl Field {
                 }
                 last = Some(p);
             }
-            let found = scene.detection.lane(lane.kind);
             let places = places.map(|place| {
                 let p = place?;
                 let at_px = view.pixel(&p);
-                scene.image.contains(&at_px, 0.0).then(|| Place::new(at_px, &p, cell, focal_px))
+                let variances_px2 = cell.variances_px2(&p, 1.0 / p.z);
+                scene.image.contains(&at_px, 0.0).then_some(Place { at_px, variances_px2 })
             });
             if places.iter().all(Option::is_none) {
                 continue;
             }
-            unseen += (1.0 - found).ln();
-            let least = (found / (1.0 - found)).ln() - clutter_ln;
-            self.lane_gains(scene, places.as_slice(), least, config.lane_sigma_px);
-        }
-        unseen + self.total()
-    }
-
-    /// The places are not independent: the one that fits worst counts.
-    fn lane_gains(&mut self, scene: &Scene<'_>, places: &[Option<Place>], least: f64, lane_sigma_px: f64) {
-        for (feature, gain) in scene.features.lanes.iter().zip(&mut self.gains) {
-            let mut worst: Option<f64> = None;
-            for place in places.iter().flatten() {
-                let Some((column, slope)) = column_at(feature, place.at_px.y) else { continue };
-                let off_px = place.at_px.x - column;
-                let all2 = place.column2 + slope * slope * place.row2 + lane_sigma_px * lane_sigma_px;
-                let mut density = f64::NEG_INFINITY;
-                if off_px * off_px < FAR2 * all2 {
-                    let sigma_px = place.column_px.hypot(slope * place.row_px).hypot(lane_sigma_px);
-                    if off_px.abs() < 3.0 * sigma_px {
-                        density = log_normal(off_px, sigma_px);
-                    }
-                }
-                worst = Some(worst.map_or(density, |worst| worst.min(density)));
-                if density == f64::NEG_INFINITY {
-                    break;
-                }
-            }
-            if let Some(density) = worst {
-                *gain = gain.max(least + density);
+            let found = scene.detection.lane(lane.kind);
+            unseen.times(1.0 - found);
+            let ratio = found / ((1.0 - found) * clutter_per_px);
+            for (curve, gain) in self.lanes.iter().zip(&mut self.gains) {
+                *gain = gain.max(places_on(curve, &places, ratio, config.lane_sigma_px));
             }
         }
+        self.total()
     }
 }
 
-/// Where a cell sees a lane line, with the cell's variances there.
+/// What speaks for a lane line being at these places, nats, or 0. They are not
+/// independent: the one that fits worst counts.
+fn places_on(curve: &Curve, places: &[Option<Place>; 3], ratio: f64, lane_sigma_px: f64) -> f64 {
+    let mut fits = [None; 3];
+    for (place, fit) in places.iter().zip(&mut fits) {
+        let Some(place) = place else { continue };
+        let Some((column_px, slope)) = curve.column_at(place.at_px.y) else { continue };
+        let off_px = place.at_px.x - column_px;
+        let (across_px2, along_px2) = place.variances_px2;
+        let variance_px2 = across_px2 + slope * slope * along_px2 + lane_sigma_px * lane_sigma_px;
+        if off_px * off_px >= NEAR2 * variance_px2 {
+            return 0.0;
+        }
+        *fit = Some((off_px * off_px, variance_px2));
+    }
+    let fits = fits.iter().flatten().map(|&(off_px2, variance_px2)| log_normal(ratio, off_px2, variance_px2));
+    fits.reduce(f64::min).unwrap_or(0.0)
+}
+
+/// Where a cell sees a lane line, with the cell's variances there (px^2), of
+/// the column and of the row.
 #[derive(Debug, Clone, Copy)]
 struct Place {
     at_px: Point2<f64>,
-    column_px: f64,
-    row_px: f64,
-    /// The squares of these, but for rounding.
-    column2: f64,
-    row2: f64,
+    variances_px2: (f64, f64),
 }
 
-impl Place {
-    fn new(at_px: Point2<f64>, p: &Vector3<f64>, cell: &Cell, focal_px: f64) -> Self {
-        let (column_px, row_px) = cell.pixels(p, focal_px);
-        Self { at_px, column_px, row_px, column2: column_px * column_px, row2: row_px * row_px }
-    }
-}
+/// Three standard deviations, within which something is near, squared.
+const NEAR2: f64 = 9.0;
 
-/// Square of the standard deviations within which something is near, and a hair
-/// more: what is not near by this is not by the exact ones either.
-const FAR2: f64 = 9.0 * (1.0 + 1e-9);
-
-fn is_inside(p: &Point2<f64>, scene: &Scene<'_>) -> bool {
-    p.x > 0.0 && p.x < scene.image.width_px
-}
-
-fn log_normal(off: f64, sigma: f64) -> f64 {
-    let share = off / sigma;
-    -0.5 * share * share - (sigma * std::f64::consts::TAU.sqrt()).ln()
-}
-
-/// Column of a lane feature at a row, and columns per row there; none beyond
-/// its ends.
-fn column_at(feature: &PreparedLane, row_px: f64) -> Option<(f64, f64)> {
-    feature.knots().windows(2).find_map(|ends| {
-        let (a, b) = (ends[0].at_px, ends[1].at_px);
-        let rows = b.y - a.y;
-        let inside = rows.abs() > 1e-6 && (row_px - a.y) * (row_px - b.y) <= 0.0;
-        let slope = (b.x - a.x) / rows;
-        inside.then(|| (a.x + slope * (row_px - a.y), slope.abs()))
-    })
+/// Logarithm of a ratio times a normal density, one for both.
+fn log_normal(ratio: f64, off2: f64, variance: f64) -> f64 {
+    0.5 * (ratio * ratio / (variance * std::f64::consts::TAU)).ln() - 0.5 * off2 / variance
 }
 
 #[cfg(test)]
@@ -340,5 +387,12 @@ mod tests {
                 assert!(there < at_truth, "frame {frame}, {off}: {there} against {at_truth}");
             }
         }
+    }
+
+    #[test]
+    fn a_product_of_many_small_factors_is_the_sum_of_their_logarithms() {
+        let mut product = Product::ONE;
+        (0..1000).for_each(|_| product.times(0.01));
+        assert!((product.ln() - 1000.0 * 0.01_f64.ln()).abs() < 1e-6, "{}", product.ln());
     }
 }

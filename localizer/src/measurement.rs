@@ -13,7 +13,7 @@ use crate::prepare::{MAX_KNOTS, PreparedPole};
 use crate::preselect::{PoleCandidate, SignCandidate};
 use crate::projection::{ImageSize, NEAR_M, View, fraction_in_space};
 use crate::residual::Observation;
-pub use lane::{LaneVertex, lane_ends, pair_lane, project_lane};
+pub use lane::{LaneEnds, LaneVertex, pair_lane, project_lane};
 
 /// Standard deviations of the map and of the calibration, and what two things
 /// that belong together may differ by.

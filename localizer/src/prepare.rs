@@ -86,6 +86,39 @@ pub struct PreparedLane {
     count: usize,
     /// The ends of its marks are `Prepared::edges[edges.0..edges.1]`.
     pub edges: (usize, usize),
+    /// Around its knots.
+    pub bounds: Bounds,
+}
+
+/// A rectangle in the image, pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    low_px: Point2<f64>,
+    high_px: Point2<f64>,
+}
+
+impl Bounds {
+    /// The smallest around some pixels.
+    pub fn of(pixels: impl Iterator<Item = Point2<f64>>) -> Self {
+        let none = (Point2::from([f64::INFINITY; 2]), Point2::from([f64::NEG_INFINITY; 2]));
+        let (low_px, high_px) = pixels.fold(none, |(low, high), p| (low.inf(&p), high.sup(&p)));
+        Self { low_px, high_px }
+    }
+
+    /// Wider by so many pixels to each side.
+    #[must_use]
+    pub fn grown(&self, margin_px: f64) -> Self {
+        let margin = Vector2::repeat(margin_px);
+        Self { low_px: self.low_px - margin, high_px: self.high_px + margin }
+    }
+
+    /// Whether the two have no pixel in common.
+    pub fn is_apart(&self, other: &Self) -> bool {
+        self.low_px.x > other.high_px.x
+            || self.low_px.y > other.high_px.y
+            || other.low_px.x > self.high_px.x
+            || other.low_px.y > self.high_px.y
+    }
 }
 
 impl PreparedLane {
@@ -97,7 +130,8 @@ impl PreparedLane {
 
     fn new(index: usize, feature: &LaneFeature) -> Option<Self> {
         let blank = Knot { at_px: Point2::origin(), normal: Vector2::x(), sigma_px: 1.0 };
-        let mut lane = Self { index, knots: [blank; MAX_KNOTS], count: 0, edges: (0, 0) };
+        let bounds = Bounds::of(std::iter::empty());
+        let mut lane = Self { index, knots: [blank; MAX_KNOTS], count: 0, edges: (0, 0), bounds };
         let points = &feature.points_px;
         // A tangent takes the points within half a knot distance of its place.
         let window = points.len() / MAX_KNOTS;
@@ -114,7 +148,12 @@ impl PreparedLane {
             lane.knots[lane.count] = Knot { at_px, normal, sigma_px };
             lane.count += 1;
         }
-        if lane.count >= 2 { Some(lane) } else { lane.straight(feature) }
+        if lane.count >= 2 { Some(lane.bounded()) } else { lane.straight(feature) }
+    }
+
+    fn bounded(mut self) -> Self {
+        self.bounds = Bounds::of(self.knots().iter().map(|knot| knot.at_px));
+        self
     }
 
     /// A feature without enough points for a curve: the ends of its line.
@@ -126,7 +165,7 @@ impl PreparedLane {
             *knot = Knot { at_px, normal: line.normal, sigma_px };
         }
         self.count = 2;
-        Some(self)
+        Some(self.bounded())
     }
 }
 

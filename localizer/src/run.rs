@@ -55,7 +55,7 @@ impl<'a> Localizer<'a> {
     /// Where the map cannot be read; only a map in memory cannot fail.
     pub fn step(&mut self, input: &FrameInput<'_>) -> Result<Option<PoseEstimate>> {
         match self {
-            Self::Robust(tracker) => tracker.step(input),
+            Self::Robust(tracker) => Ok(tracker.step(input)?.cloned()),
             Self::Paper(tracker) => tracker.step(input),
         }
     }

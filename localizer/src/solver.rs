@@ -150,18 +150,26 @@ impl Normal {
     /// Of observations seen from a pose.
     #[inline]
     pub fn of(observations: &[Observation], view: &View) -> Self {
-        let mut sum = Self { lower: Matrix6::zeros(), gradient: Vector6::zeros(), square: 0.0, behind: 0 };
+        let (mut lower, mut gradient) = (Matrix6::zeros(), Vector6::zeros());
+        let (mut square, mut behind) = (0.0, 0);
         for observation in observations {
             let Some((distance_px, row)) = observation.linearise(view) else {
-                sum.behind += 1;
+                behind += 1;
                 continue;
             };
             let weight = 1.0 / (observation.sigma_px * observation.sigma_px);
-            sum.square += weight * distance_px * distance_px;
-            sum.gradient.axpy(weight * distance_px, &row, 1.0);
-            sum.lower.syger(weight, &row, &row, 1.0);
+            square += weight * distance_px * distance_px;
+            let pull = weight * distance_px;
+            for j in 0..6 {
+                gradient[j] += pull * row[j];
+                let scaled = weight * row[j];
+                // From an even row on: two at a time.
+                for i in (j & !1)..6 {
+                    lower[(i, j)] += scaled * row[i];
+                }
+            }
         }
-        sum
+        Self { lower, gradient, square, behind }
     }
 }
 
@@ -195,19 +203,28 @@ fn linearise(problem: &Problem<'_>, groups: &mut [Group], config: &SolverConfig,
     sum.information.fill_upper_triangle_with_lower_triangle();
     if let Some(prior) = problem.prior {
         let error = local(&prior.map_from_camera, pose);
-        let derivative = local_derivative(prior, pose, &error);
+        let [of_translation, of_rotation] = local_derivative(prior, pose, &error);
         let weighted = prior.information * error;
         sum.cost += 0.5 * error.dot(&weighted);
-        sum.gradient += derivative.transpose() * weighted;
-        sum.information += derivative.transpose() * prior.information * derivative;
+        let blocks = [(0, of_translation), (3, of_rotation)];
+        for (i, left) in blocks {
+            let own = left.transpose() * weighted.fixed_rows::<3>(i);
+            let mut gradient = sum.gradient.fixed_rows_mut::<3>(i);
+            gradient += own;
+            for (j, right) in blocks {
+                let own = left.transpose() * prior.information.fixed_view::<3, 3>(i, j) * right;
+                let mut information = sum.information.fixed_view_mut::<3, 3>(i, j);
+                information += own;
+            }
+        }
     }
     sum
 }
 
 /// Derivative of `local(prior, retract(pose, delta))` in delta at zero: the
 /// relative rotation for the translation, the inverse right Jacobian of the
-/// rotation vector for the rotation.
-fn local_derivative(prior: &Prior, pose: &Pose, error: &Tangent) -> Matrix6<f64> {
+/// rotation vector for the rotation. Neither turns into the other.
+fn local_derivative(prior: &Prior, pose: &Pose, error: &Tangent) -> [Matrix3<f64>; 2] {
     let relative = (prior.map_from_camera.rotation.inverse() * pose.rotation).to_rotation_matrix();
     let phi = Vector3::new(error[3], error[4], error[5]);
     let angle = phi.norm();
@@ -217,10 +234,7 @@ fn local_derivative(prior: &Prior, pose: &Pose, error: &Tangent) -> Matrix6<f64>
     } else {
         1.0 / (angle * angle) - (1.0 + angle.cos()) / (2.0 * angle * angle.sin())
     };
-    let mut derivative = Matrix6::zeros();
-    derivative.fixed_view_mut::<3, 3>(0, 0).copy_from(relative.matrix());
-    derivative.fixed_view_mut::<3, 3>(3, 3).copy_from(&(Matrix3::identity() + hat * 0.5 + hat * hat * second));
-    derivative
+    [relative.into_inner(), Matrix3::identity() + hat * 0.5 + hat * hat * second]
 }
 
 /// Minimises the robust sum of squares of `problem` from `start`.

@@ -23,7 +23,7 @@ use common::geometry::{PinholeCamera, Pose};
 
 use crate::Result;
 use crate::associate::matching::Scene;
-use crate::associate::robust::Associator;
+use crate::associate::robust::{Associator, Refined};
 use crate::config::Config;
 use crate::estimate::{PoseEstimate, Status};
 use crate::features::Features;
@@ -72,6 +72,10 @@ pub struct Tracker<'a> {
     search: Search,
     prepared: Prepared,
     candidates: Candidates,
+    /// The rivals of a frame.
+    rivals: Vec<Refined>,
+    /// The last estimate.
+    said: Option<PoseEstimate>,
 }
 
 impl<'a> Tracker<'a> {
@@ -92,6 +96,8 @@ impl<'a> Tracker<'a> {
             search: Search::default(),
             prepared: Prepared::default(),
             candidates: Candidates::default(),
+            rivals: Vec::new(),
+            said: None,
         }
     }
 
@@ -100,7 +106,7 @@ impl<'a> Tracker<'a> {
     ///
     /// # Errors
     /// Where the map cannot be read; only a map in memory cannot fail.
-    pub fn step(&mut self, input: &FrameInput<'_>) -> Result<Option<PoseEstimate>> {
+    pub fn step(&mut self, input: &FrameInput<'_>) -> Result<Option<&PoseEstimate>> {
         self.map.next_frame()?;
         let dt_s = self.last_time_s.map_or(0.0, |last_s| (input.time_s - last_s).max(0.0));
         self.last_time_s = Some(input.time_s);
@@ -293,19 +299,24 @@ impl<'a> Tracker<'a> {
         };
         // Asked too, in turn: where else it fits as well. A wrong lock lasts.
         let is_due = best.margin.is_none() || best.age_frames.is_multiple_of(self.config.rivals.every_frames.max(1));
-        let found = if is_due { rivals::find(&scene, &best, &mut self.associator, &self.config) } else { Vec::new() };
+        let mut found = std::mem::take(&mut self.rivals);
+        found.clear();
+        if is_due {
+            rivals::find(&scene, &best, &mut self.associator, &self.config, &mut found);
+        }
         let loose = rivals::find_loose(&scene, &best, &mut self.associator, &self.config);
         if let Some(loose) = loose.filter(|loose| loose.evidence() > best.evidence - self.config.rivals.spawn_margin) {
             self.add(Hypothesis::beside(&best, &loose, self.config.bank.jump_cost));
         }
         let mut margin = best.margin.filter(|_| !is_due).unwrap_or(f64::INFINITY);
-        for rival in found {
+        for rival in &found {
             let ahead = best.evidence - rival.evidence();
             margin = margin.min(ahead);
             if ahead < self.config.rivals.spawn_margin {
-                self.add(Hypothesis::beside(&best, &rival, self.config.bank.jump_cost));
+                self.add(Hypothesis::beside(&best, rival, self.config.bank.jump_cost));
             }
         }
+        self.rivals = found;
         // What was added stands behind those that were tracked.
         if let Some(best) = self.bank.first_mut() {
             best.margin = Some(margin);
@@ -313,7 +324,7 @@ impl<'a> Tracker<'a> {
         Ok(margin)
     }
 
-    fn speak(&mut self, margin: f64) -> Option<PoseEstimate> {
+    fn speak(&mut self, margin: f64) -> Option<&PoseEstimate> {
         let best = self.bank.first()?;
         let lead = self.lead();
         let was_lost = self.status == Some(Status::Lost);
@@ -326,17 +337,19 @@ impl<'a> Tracker<'a> {
         let alone = std::slice::from_ref(best);
         let said = if status == Status::Ok { alone } else { self.bank.as_slice() };
         let (map_from_camera, covariance) = mean::mean_of(said, self.config.bank.doubt)?;
-        Some(PoseEstimate {
+        let mut correspondences = self.said.take().map_or_else(Vec::new, |said| said.correspondences);
+        correspondences.clone_from(&best.correspondences);
+        Some(self.said.insert(PoseEstimate {
             map_from_camera,
             covariance,
-            correspondences: best.correspondences.clone(),
+            correspondences,
             residual_rms_px: best.rms_px,
             iterations: best.iterations,
             converged: best.converged,
             status,
             support: best.support,
             margin: margin.min(lead),
-        })
+        }))
     }
 }
 

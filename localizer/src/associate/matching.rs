@@ -10,7 +10,7 @@ use nalgebra::{Matrix2, Matrix6, Vector2, Vector3, Vector6};
 
 use super::detection::{Clutter, DetectionConfig};
 use crate::estimate::LandmarkId;
-use crate::measurement::{LaneVertex, NoiseConfig, Pairing};
+use crate::measurement::{LaneEnds, LaneVertex, NoiseConfig, Pairing};
 use crate::prepare::Prepared;
 use crate::preselect::Candidates;
 use crate::projection::{ImageSize, View};
@@ -112,51 +112,91 @@ struct Look<'a> {
     wanted: Wanted,
 }
 
+/// A distance in the image, and what the pose's uncertainty makes of it.
+#[derive(Debug, Clone, Copy)]
+struct End {
+    distance_px: f64,
+    /// Its derivative for the pose's tangent.
+    row: Vector6<f64>,
+    /// The pose's covariance times the row.
+    spread: Vector6<f64>,
+    /// Its variance by the pose's alone.
+    variance_px2: f64,
+}
+
+/// As [`Look::judge`], of two ends with their own standard deviations.
+fn judge_ends(first: &End, first_sigma_px: f64, last: &End, last_sigma_px: f64) -> Option<(f64, f64)> {
+    let cross = last.row.dot(&first.spread);
+    let first_px2 = first.variance_px2 + first_sigma_px * first_sigma_px;
+    let last_px2 = last.variance_px2 + last_sigma_px * last_sigma_px;
+    let determinant = Matrix2::new(first_px2, cross, cross, last_px2).determinant();
+    if determinant <= 0.0 {
+        return None;
+    }
+    let (r0, r1) = (first.distance_px, last.distance_px);
+    let distance2 = (last_px2 * r0 * r0 - 2.0 * cross * r0 * r1 + first_px2 * r1 * r1) / determinant;
+    // Unlike `<=` this lets what is no number pass, to be judged no worse.
+    if distance2 > GATE {
+        return None;
+    }
+    Some((distance2, -0.5 * distance2 - 0.5 * determinant.ln() - std::f64::consts::TAU.ln()))
+}
+
+/// A product that the compiler unrolls.
+#[inline]
+fn times(matrix: &Matrix6<f64>, vector: &Vector6<f64>) -> Vector6<f64> {
+    let mut product = matrix.fixed_columns::<1>(0) * vector[0];
+    for column in 1..6 {
+        for row in 0..6 {
+            product[row] += matrix[(row, column)] * vector[column];
+        }
+    }
+    product
+}
+
 impl Look<'_> {
-    /// Whether a distance is beyond the gate, however it goes with others.
-    fn is_beyond(&self, distance_px: f64, row: &Vector6<f64>, sigma_px: f64) -> bool {
-        let most_px = self.spread.most(row);
+    /// One end of a pair; none where its distance is beyond the gate, however
+    /// it goes with the other. Its standard deviation is at most
+    /// `most_sigma_px`.
+    fn end(&self, observation: &Observation, most_sigma_px: f64) -> Option<End> {
+        let (distance_px, row) = observation.linearise(&self.view)?;
         // The margin is far above what rounding does to the exact distance.
-        distance_px * distance_px > 1.001 * GATE * (most_px * most_px + sigma_px * sigma_px)
+        let is_beyond = |variance_px2: f64| {
+            distance_px * distance_px > 1.001 * GATE * (variance_px2 + most_sigma_px * most_sigma_px)
+        };
+        // First by a bound, which costs less.
+        let most_px = self.spread.most(&row);
+        if is_beyond(most_px * most_px) {
+            return None;
+        }
+        let spread = times(self.covariance, &row);
+        let variance_px2 = row.dot(&spread);
+        // With another beside it the distance only grows.
+        (!is_beyond(variance_px2)).then_some(End { distance_px, row, spread, variance_px2 })
     }
 
     /// Squared Mahalanobis distance of a pair and the logarithm of its
     /// density; none outside the gate.
     fn judge(&self, first: &Observation, last: &Observation) -> Option<(f64, f64)> {
-        let (r0, j0) = first.linearise(&self.view)?;
-        if self.is_beyond(r0, &j0, first.sigma_px) {
-            return None;
-        }
-        let (r1, j1) = last.linearise(&self.view)?;
-        if self.is_beyond(r1, &j1, last.sigma_px) {
-            return None;
-        }
-        let (p0, p1) = (self.covariance * j0, self.covariance * j1);
-        let cross = j1.dot(&p0);
-        let s = Matrix2::new(
-            j0.dot(&p0) + first.sigma_px * first.sigma_px,
-            cross,
-            cross,
-            j1.dot(&p1) + last.sigma_px * last.sigma_px,
-        );
-        let determinant = s.determinant();
-        if determinant <= 0.0 {
-            return None;
-        }
-        let r = Vector2::new(r0, r1);
-        let distance2 = (s[(1, 1)] * r.x * r.x - 2.0 * cross * r.x * r.y + s[(0, 0)] * r.y * r.y) / determinant;
-        // Unlike `<=` this lets what is no number pass, to be judged no worse.
-        if distance2 > GATE {
-            return None;
-        }
-        Some((distance2, -0.5 * distance2 - 0.5 * determinant.ln() - std::f64::consts::TAU.ln()))
+        let ends = (self.end(first, first.sigma_px)?, self.end(last, last.sigma_px)?);
+        judge_ends(&ends.0, first.sigma_px, &ends.1, last.sigma_px)
+    }
+
+    /// As [`Self::judge`], of the ends of a lane line.
+    fn judge_lane(&self, mut pair: LaneEnds<'_>) -> Option<(f64, f64)> {
+        let first = pair.first()?;
+        let first_end = self.end(&first, first.sigma_px * pair.most_share(1))?;
+        let last = pair.last()?;
+        let last_end = self.end(&last, last.sigma_px * pair.most_share(2))?;
+        let share = pair.share();
+        judge_ends(&first_end, first.sigma_px * share, &last_end, last.sigma_px * share)
     }
 
     /// Standard deviation of a point (camera axes) along a direction in the
     /// image, pixels.
     fn sigma_px(&self, p: &Vector3<f64>, normal: &Vector2<f64>) -> f64 {
         let row = self.view.jacobian_row(p, normal);
-        row.dot(&(self.covariance * row)).max(0.0).sqrt()
+        row.dot(&times(self.covariance, &row)).max(0.0).sqrt()
     }
 
     /// No less than [`Self::sigma_px`], and sooner known.

@@ -6,7 +6,7 @@ use nalgebra::{Cholesky, Matrix6};
 use serde::{Deserialize, Serialize};
 
 use super::matching::{Match, Matcher, Scene};
-use super::separation::{SeparationConfig, poses_without};
+use super::separation::{Balance, SeparationConfig};
 use crate::estimate::{Correspondence, LandmarkId};
 use crate::projection::View;
 use crate::residual::{Group, Observation};
@@ -98,6 +98,8 @@ pub struct Associator {
     pub matcher: Matcher,
     /// Buffer of poses and their support.
     pub scored: Vec<(f64, Pose)>,
+    /// What the matches say by themselves.
+    pub balance: Balance,
     observations: Vec<Observation>,
     groups: Vec<Group>,
     previous: Vec<(LandmarkId, usize)>,
@@ -117,6 +119,22 @@ impl Associator {
         prior: &Prior,
         config: &RobustConfig,
         solver: &SolverConfig,
+    ) -> Option<Refined> {
+        self.refine_unless(scene, start, gate_covariance, prior, config, solver, |_| false)
+    }
+
+    /// As [`Self::refine`], but none, too, as soon as a round leads to a pose
+    /// that `is_known`.
+    #[allow(clippy::too_many_arguments, reason = "those of `refine`, and one more")]
+    pub fn refine_unless(
+        &mut self,
+        scene: &Scene<'_>,
+        start: &Pose,
+        gate_covariance: &Matrix6<f64>,
+        prior: &Prior,
+        config: &RobustConfig,
+        solver: &SolverConfig,
+        is_known: impl Fn(&Pose) -> bool,
     ) -> Option<Refined> {
         let prior_factor = Cholesky::new(prior.information)?;
         let prior_covariance = prior_factor.inverse();
@@ -143,6 +161,9 @@ impl Associator {
             self.matcher.observations(&mut self.observations, &mut self.groups);
             let problem = Problem { camera: scene.camera, observations: &self.observations, prior: Some(prior) };
             solution = solve(&problem, &mut self.groups, solver, &solution.map_from_camera);
+            if is_known(&solution.map_from_camera) {
+                return None;
+            }
             iterations += solution.iterations;
             gate = solution.covariance().unwrap_or(prior_covariance) * config.gate_inflation;
             if repeated {
@@ -207,20 +228,22 @@ impl Associator {
                 return Some(best);
             }
         }
-        let without = if doubted {
-            let view = View::new(scene.camera, &best.map_from_camera);
-            poses_without(&self.believed, &view, &best.map_from_camera, prior, separation.object_m, solver)
-        } else {
-            Vec::new()
-        };
-        let without = without.into_iter().filter(|(cost, _)| *cost > config.least_move);
-        for start in std::iter::once(predicted).chain(without.map(|(_, pose)| pose).take(config.left_out)) {
-            let other = self.refine(scene, &start, &narrow, prior, config, solver)?;
+        self.balance.moved.clear();
+        if doubted {
+            let (pose, object_m) = (best.map_from_camera, separation.object_m);
+            let view = View::new(scene.camera, &pose);
+            self.balance.poses_without(&self.believed, &view, &pose, prior, object_m, solver);
+        }
+        let without = std::mem::take(&mut self.balance.moved);
+        let far = without.iter().filter(|(cost, _)| *cost > config.least_move).map(|&(_, pose)| pose);
+        for start in std::iter::once(predicted).chain(far.take(config.left_out)) {
+            let Some(other) = self.refine(scene, &start, &narrow, prior, config, solver) else { continue };
             if other.evidence() > best.evidence() {
                 best = other;
                 self.believed.clone_from(&self.matcher.matches);
             }
         }
+        self.balance.moved = without;
         self.matcher.matches.clone_from(&self.believed);
         Some(best)
     }

@@ -63,30 +63,34 @@ impl Part {
 }
 
 /// What the matches and a share of the prior say about a pose, and each object
-/// of the matches by itself.
-struct Balance {
+/// of the matches by itself. Buffers are reused.
+#[derive(Debug, Clone, Default)]
+pub struct Balance {
     parts: Vec<Part>,
     information: Matrix6<f64>,
     gradient: Vector6<f64>,
+    /// See [`Self::poses_without`].
+    pub moved: Vec<(f64, Pose)>,
 }
 
 impl Balance {
-    fn new(
+    fn weigh(
+        &mut self,
         matches: &[Match],
         view: &View,
         pose: &Pose,
         prior: &Prior,
         prior_share: f64,
         solver: &SolverConfig,
-    ) -> Self {
-        let parts: Vec<Part> = matches.iter().map(|found| Part::new(found, view, solver)).collect();
-        let mut information = prior.information * prior_share;
-        let mut gradient = information * local(&prior.map_from_camera, pose);
-        for part in &parts {
-            information += part.information;
-            gradient += part.gradient;
+    ) {
+        self.parts.clear();
+        self.parts.extend(matches.iter().map(|found| Part::new(found, view, solver)));
+        self.information = prior.information * prior_share;
+        self.gradient = self.information * local(&prior.map_from_camera, pose);
+        for part in &self.parts {
+            self.information += part.information;
+            self.gradient += part.gradient;
         }
-        Self { parts, information, gradient }
     }
 
     /// Information and gradient without the object of each match in turn.
@@ -101,50 +105,54 @@ impl Balance {
             (information, gradient)
         })
     }
-}
 
-/// How far off the pose (solved with `matches` and `prior`) may be,
-/// horizontally in metres, if one object was matched wrongly, or none but most
-/// of the prior is wrong: the largest move of the pose without it, and some
-/// standard deviations of what is left. Infinite where nothing fixes the pose
-/// then.
-pub fn separation_m(
-    matches: &[Match],
-    view: &View,
-    pose: &Pose,
-    prior: &Prior,
-    config: &SeparationConfig,
-    solver: &SolverConfig,
-) -> f64 {
-    let balance = Balance::new(matches, view, pose, prior, config.prior_share, solver);
-    let level_m = |information: Matrix6<f64>, gradient: Vector6<f64>| {
-        let Some(factor) = Cholesky::new(information) else { return f64::INFINITY };
-        let (step, covariance) = (factor.solve(&gradient), factor.inverse());
-        step[0].hypot(step[2]) + config.sigmas * (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt()
-    };
-    let without = balance.without_each(config.object_m).map(|(information, gradient)| level_m(information, gradient));
-    without.fold(level_m(balance.information, balance.gradient), f64::max)
-}
+    /// How far off the pose (solved with `matches` and `prior`) may be,
+    /// horizontally in metres, if one object was matched wrongly, or none but
+    /// most of the prior is wrong: the largest move of the pose without it, and
+    /// some standard deviations of what is left. Infinite where nothing fixes
+    /// the pose then.
+    pub fn separation_m(
+        &mut self,
+        matches: &[Match],
+        view: &View,
+        pose: &Pose,
+        prior: &Prior,
+        config: &SeparationConfig,
+        solver: &SolverConfig,
+    ) -> f64 {
+        self.weigh(matches, view, pose, prior, config.prior_share, solver);
+        let level_m = |information: Matrix6<f64>, gradient: Vector6<f64>| {
+            let Some(factor) = Cholesky::new(information) else { return f64::INFINITY };
+            let (step, covariance) = (factor.solve(&gradient), factor.inverse());
+            step[0].hypot(step[2]) + config.sigmas * (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt()
+        };
+        let without = self.without_each(config.object_m).map(|(information, gradient)| level_m(information, gradient));
+        without.fold(level_m(self.information, self.gradient), f64::max)
+    }
 
-/// The poses that the other matches and the whole prior ask for where one
-/// object is left out, with half the squared Mahalanobis distance that each
-/// lies away; furthest first.
-pub fn poses_without(
-    matches: &[Match],
-    view: &View,
-    pose: &Pose,
-    prior: &Prior,
-    object_m: f64,
-    solver: &SolverConfig,
-) -> Vec<(f64, Pose)> {
-    let balance = Balance::new(matches, view, pose, prior, 1.0, solver);
-    let moved = |(information, gradient): (Matrix6<f64>, Vector6<f64>)| {
-        let step = -Cholesky::new(information)?.solve(&gradient);
-        Some((0.5 * step.dot(&(information * step)), retract(pose, &step)))
-    };
-    let mut poses: Vec<_> = balance.without_each(object_m).filter_map(moved).collect();
-    poses.sort_by(|a, b| b.0.total_cmp(&a.0));
-    poses
+    /// Leaves in `moved` the poses that the other matches and the whole prior
+    /// ask for where one object is left out, with half the squared Mahalanobis
+    /// distance that each lies away; furthest first.
+    pub fn poses_without(
+        &mut self,
+        matches: &[Match],
+        view: &View,
+        pose: &Pose,
+        prior: &Prior,
+        object_m: f64,
+        solver: &SolverConfig,
+    ) {
+        self.weigh(matches, view, pose, prior, 1.0, solver);
+        let without = |(information, gradient): (Matrix6<f64>, Vector6<f64>)| {
+            let step = -Cholesky::new(information)?.solve(&gradient);
+            Some((0.5 * step.dot(&(information * step)), retract(pose, &step)))
+        };
+        let mut moved = std::mem::take(&mut self.moved);
+        moved.clear();
+        moved.extend(self.without_each(object_m).filter_map(without));
+        moved.sort_by(|a, b| b.0.total_cmp(&a.0));
+        self.moved = moved;
+    }
 }
 
 #[cfg(test)]
@@ -194,7 +202,14 @@ mod tests {
     fn one_match_that_pulls_separates() {
         let separated = |aside_px| {
             with_one_aside(aside_px, |matches, view, pose, prior| {
-                separation_m(matches, view, pose, prior, &SeparationConfig::default(), &SolverConfig::default())
+                Balance::default().separation_m(
+                    matches,
+                    view,
+                    pose,
+                    prior,
+                    &SeparationConfig::default(),
+                    &SolverConfig::default(),
+                )
             })
         };
         let (agreeing_m, pulled_m) = (separated(0.0), separated(6.0));
@@ -206,7 +221,9 @@ mod tests {
         let poses_of = |aside_px| {
             with_one_aside(aside_px, |matches, view, pose, prior| {
                 let object_m = SeparationConfig::default().object_m;
-                let poses = poses_without(matches, view, pose, prior, object_m, &SolverConfig::default());
+                let mut balance = Balance::default();
+                balance.poses_without(matches, view, pose, prior, object_m, &SolverConfig::default());
+                let poses = balance.moved;
                 assert_eq!(poses.len(), matches.len());
                 poses
             })
@@ -222,7 +239,7 @@ mod tests {
         let prior = Prior::new(pose, &Matrix6::identity()).unwrap();
         let view = View::new(&crate::projection::tests::camera(), &pose);
         let config = SeparationConfig::default();
-        let level_m = separation_m(&[], &view, &pose, &prior, &config, &SolverConfig::default());
+        let level_m = Balance::default().separation_m(&[], &view, &pose, &prior, &config, &SolverConfig::default());
         assert!((level_m - config.sigmas * (2.0 / config.prior_share).sqrt()).abs() < 1e-9, "{level_m} m");
     }
 }

@@ -1,6 +1,6 @@
 //! Lane lines in the image, and what a lane feature says about them.
 
-use nalgebra::{Point2, Point3};
+use nalgebra::{Point2, Point3, Vector2, Vector3};
 
 use super::{NoiseConfig, Pairing};
 use crate::prepare::{Knot, PreparedLane};
@@ -17,6 +17,12 @@ pub struct LaneVertex {
     pub depth_m: f64,
     /// Map frame, metres.
     pub point_map: Point3<f64>,
+    /// It is no vertex of the line: there the line passes the near plane.
+    pub is_cut: bool,
+    /// From here to the next vertex, pixels.
+    along_px: Vector2<f64>,
+    /// The square of its length.
+    length2_px2: f64,
 }
 
 /// Appends the image of a lane candidate to `out`, cut at the near plane;
@@ -32,15 +38,25 @@ pub fn project_lane(
     let plane_m = NEAR_M * (1.0 + 1e-9);
     let mut before: Option<(Point3<f64>, f64)> = None;
     for &point_map in candidates.lane_points_map.get(lane.start..lane.end).unwrap_or(&[]) {
-        let depth_m = view.to_camera(&point_map).z;
-        let crossed = before.filter(|(_, z)| (*z < NEAR_M) != (depth_m < NEAR_M));
-        let cut = crossed.map(|(last, z)| last + (point_map - last) * ((plane_m - z) / (depth_m - z)));
-        for point_map in cut.into_iter().chain((depth_m >= NEAR_M).then_some(point_map)) {
-            if let Some((at_px, depth_m)) = view.project(&point_map) {
-                out.push(LaneVertex { at_px, depth_m, point_map });
+        let mut push = |p: &Vector3<f64>, point_map: Point3<f64>, is_cut: bool| {
+            if p.z >= NEAR_M {
+                let (at_px, along_px) = (view.pixel(p), Vector2::zeros());
+                out.push(LaneVertex { at_px, depth_m: p.z, point_map, is_cut, along_px, length2_px2: 0.0 });
             }
+        };
+        let p = view.to_camera(&point_map);
+        if let Some((last, z)) = before.filter(|(_, z)| (*z < NEAR_M) != (p.z < NEAR_M)) {
+            let cut = last + (point_map - last) * ((plane_m - z) / (p.z - z));
+            push(&view.to_camera(&cut), cut, true);
         }
-        before = Some((point_map, depth_m));
+        push(&p, point_map, false);
+        before = Some((point_map, p.z));
+    }
+    let mut next_px = None;
+    for vertex in out.iter_mut().skip(start).rev() {
+        vertex.along_px = next_px.map_or(Vector2::zeros(), |next: Point2<f64>| next - vertex.at_px);
+        vertex.length2_px2 = vertex.along_px.norm_squared();
+        next_px = Some(vertex.at_px);
     }
     (start, out.len())
 }
@@ -71,22 +87,53 @@ pub fn pair_lane(
     Some(pairing)
 }
 
-/// The first and the last observation of [`pair_lane`], sooner known than all.
-pub fn lane_ends(
-    vertices: &[LaneVertex],
-    feature: &PreparedLane,
-    noise: &NoiseConfig,
+/// What [`pair_lane`] gives, from its ends inwards: most pairs are refuted by
+/// the first end already.
+#[derive(Debug, Clone)]
+pub struct LaneEnds<'a> {
+    vertices: &'a [LaneVertex],
+    noise: &'a NoiseConfig,
     focal_px: f64,
     reach_px: f64,
-) -> Option<[Observation; 2]> {
-    let mut knots = feature.knots().iter();
-    let mut first = knots.find_map(|knot| observe(vertices, knot, noise, focal_px, reach_px))?;
-    let mut last = knots.by_ref().rev().find_map(|knot| observe(vertices, knot, noise, focal_px, reach_px))?;
-    let between = knots.filter(|knot| nearest_on(vertices, &knot.at_px, reach_px).is_some()).count();
-    let share = share_of(between + 2);
-    first.sigma_px *= share;
-    last.sigma_px *= share;
-    Some([first, last])
+    /// Knots that were not asked for yet.
+    left: std::slice::Iter<'a, Knot>,
+}
+
+impl<'a> LaneEnds<'a> {
+    /// Arguments as those of [`pair_lane`].
+    pub fn new(
+        vertices: &'a [LaneVertex],
+        feature: &'a PreparedLane,
+        noise: &'a NoiseConfig,
+        focal_px: f64,
+        reach_px: f64,
+    ) -> Self {
+        Self { vertices, noise, focal_px, reach_px, left: feature.knots().iter() }
+    }
+
+    /// The first observation that is left. Its standard deviation is still to
+    /// be multiplied by [`Self::share`].
+    pub fn first(&mut self) -> Option<Observation> {
+        self.left.find_map(|knot| observe(self.vertices, knot, self.noise, self.focal_px, self.reach_px))
+    }
+
+    /// As [`Self::first`], the last.
+    pub fn last(&mut self) -> Option<Observation> {
+        let mut left = self.left.by_ref().rev();
+        left.find_map(|knot| observe(self.vertices, knot, self.noise, self.focal_px, self.reach_px))
+    }
+
+    /// With first and last taken: what their standard deviations are to be
+    /// multiplied by.
+    pub fn share(&self) -> f64 {
+        let beside = |knot: &&Knot| nearest_on(self.vertices, &knot.at_px, self.reach_px).is_some();
+        share_of(self.left.as_slice().iter().filter(beside).count() + 2)
+    }
+
+    /// No less than [`Self::share`], with `taken` ends taken, and sooner known.
+    pub fn most_share(&self, taken: usize) -> f64 {
+        share_of(self.left.len() + taken)
+    }
 }
 
 /// However many knots: a line tells two numbers.
@@ -127,23 +174,23 @@ fn nearest_on<'a>(
     pixel: &Point2<f64>,
     reach_px: f64,
 ) -> Option<(&'a LaneVertex, &'a LaneVertex, f64)> {
-    let mut best = (reach_px * reach_px, None);
-    let last = vertices.len().saturating_sub(2);
-    for (i, ends) in vertices.windows(2).enumerate() {
-        let (a, b) = (&ends[0], &ends[1]);
-        let along = b.at_px - a.at_px;
-        let length2 = along.norm_squared();
-        if length2 < 1e-12 {
+    let (mut least_px2, mut nearest) = (reach_px * reach_px, None);
+    let (_, edges) = vertices.split_last()?;
+    for (i, edge) in edges.iter().enumerate() {
+        if edge.length2_px2 < 1e-12 {
             continue;
         }
-        let fraction = along.dot(&(pixel - a.at_px)) / length2;
-        let beyond = (i == 0 && fraction < 0.0) || (i == last && fraction > 1.0);
-        let fraction = fraction.clamp(0.0, 1.0);
-        let at_px = a.at_px + along * fraction;
+        let fraction = edge.along_px.dot(&(pixel - edge.at_px)) / edge.length2_px2;
+        let at_px = edge.at_px + edge.along_px * fraction.clamp(0.0, 1.0);
         let distance2 = (pixel - at_px).norm_squared();
-        if distance2 < best.0 {
-            best = (distance2, (!beyond).then_some((a, b, fraction)));
+        if distance2 < least_px2 {
+            (least_px2, nearest) = (distance2, Some((i, fraction)));
         }
     }
-    best.1
+    let (i, fraction) = nearest?;
+    let beyond = (i == 0 && fraction < 0.0) || (i + 1 == edges.len() && fraction > 1.0);
+    if beyond {
+        return None;
+    }
+    Some((vertices.get(i)?, vertices.get(i + 1)?, fraction.clamp(0.0, 1.0)))
 }

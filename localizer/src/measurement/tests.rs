@@ -172,6 +172,20 @@ fn a_lane_feature_is_compared_where_the_map_has_the_line() {
     let information = |p: &Pairing| p.observations().iter().map(|o| o.sigma_px.powi(-2)).sum::<f64>();
     assert!(information(&pairing) < 2.0 / noise.calibration_sigma_px.powi(2));
     assert!(paired(&vertices(&lane(2.0, 6.0, 30.0))).is_none());
+    // From the ends inwards it is the same pair, and never less sure than bound.
+    for (right_m, from_m, to_m) in [(-1.7, 6.0, 30.0), (-1.7, 6.0, 11.0), (-1.5, 9.0, 20.0), (2.0, 6.0, 30.0)] {
+        let vertices = vertices(&lane(right_m, from_m, to_m));
+        let mut ends = LaneEnds::new(&vertices, &prepared.lanes[0], &noise, FOCAL_PX, 30.0);
+        let most_of_one = ends.most_share(0);
+        let taken = ends.first().and_then(|first| Some((first, ends.last()?)));
+        let pairing = paired(&vertices);
+        assert_eq!(taken.is_some(), pairing.is_some());
+        let Some(((first, last), pairing)) = taken.zip(pairing) else { continue };
+        let (share, most) = (ends.share(), ends.most_share(2));
+        assert!(share <= most && most <= most_of_one);
+        let sure = |end: Observation| Observation { sigma_px: end.sigma_px * share, ..end };
+        assert_eq!(pairing.ends(), (&sure(first), &sure(last)));
+    }
 }
 
 #[test]

@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::associate::matching::Scene;
 use crate::associate::robust::{Associator, Refined};
-use crate::associate::separation::separation_m;
 use crate::config::Config;
 use crate::estimate::Correspondence;
 use crate::filter::State;
@@ -352,7 +351,7 @@ impl Hypothesis {
         self.state.update(&refined.map_from_camera, &refined.covariance);
         let held = associator.matcher.worth() >= config.health.min_worth;
         self.weak_frames = if held { 0 } else { self.weak_frames + 1 };
-        self.separation_m = separation_m(
+        self.separation_m = associator.balance.separation_m(
             &associator.matcher.matches,
             &View::new(scene.camera, &refined.map_from_camera),
             &refined.map_from_camera,

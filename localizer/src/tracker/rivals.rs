@@ -1,7 +1,7 @@
 //! Poses beside the best one that may explain a frame as well: the next lane,
 //! the same place one delineator further.
 
-use common::geometry::{Tangent, local, retract};
+use common::geometry::{Pose, Tangent, local, retract};
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
@@ -42,6 +42,10 @@ pub struct RivalConfig {
     pub loose_distinct_m: f64,
     /// The best of the shifted poses that are refined.
     pub refined: usize,
+    /// A shifted pose that a round of matching leads so near to the best is no
+    /// rival and is not refined further, metres; turns count as above. A tenth
+    /// of [`Self::distinct_m`]: it would have to go a long way yet.
+    pub same_m: f64,
     /// A rival that has less support than the best by no more than this is
     /// tracked on, nats.
     pub spawn_margin: f64,
@@ -62,6 +66,7 @@ impl Default for RivalConfig {
             loose_rad: 0.05,
             loose_distinct_m: 0.25,
             refined: 2,
+            same_m: 0.07,
             spawn_margin: 6.0,
             distinct_m: 0.7,
         }
@@ -93,8 +98,14 @@ fn least_certain(covariance: &Matrix6<f64>, lever_m: f64) -> Tangent {
     shift
 }
 
-/// The refined rivals of `best` in this scene, all distinct from it.
-pub fn find(scene: &Scene<'_>, best: &Hypothesis, associator: &mut Associator, config: &Config) -> Vec<Refined> {
+/// Appends the refined rivals of `best` in this scene, all distinct from it.
+pub fn find(
+    scene: &Scene<'_>,
+    best: &Hypothesis,
+    associator: &mut Associator,
+    config: &Config,
+    found: &mut Vec<Refined>,
+) {
     let rivals = &config.rivals;
     let pose = best.state.map_from_camera;
     let shifts = rivals
@@ -114,19 +125,19 @@ pub fn find(scene: &Scene<'_>, best: &Hypothesis, associator: &mut Associator, c
         (associator.matcher.support(scene, &shifted, &covariance), shifted)
     }));
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut found: Vec<Refined> = Vec::new();
+    let distance_m = |other: &Pose| {
+        let off = local(&pose, other);
+        let turned_m = off.fixed_rows::<3>(3).norm() * rivals.lever_m;
+        off.fixed_rows::<3>(0).norm().max(turned_m)
+    };
+    let is_best = |other: &Pose| distance_m(other) < rivals.same_m;
     for &(_, shifted) in scored.iter().take(rivals.refined) {
         let Some(prior) = Prior::new(shifted, &covariance) else { continue };
-        let refined = associator.refine(scene, &shifted, &covariance, &prior, &config.robust, &config.solver);
-        let Some(refined) = refined else { continue };
-        let off = local(&pose, &refined.map_from_camera);
-        let turned_m = off.fixed_rows::<3>(3).norm() * rivals.lever_m;
-        if off.fixed_rows::<3>(0).norm().max(turned_m) >= rivals.distinct_m {
-            found.push(refined);
-        }
+        let (robust, solver) = (&config.robust, &config.solver);
+        let refined = associator.refine_unless(scene, &shifted, &covariance, &prior, robust, solver, is_best);
+        found.extend(refined.filter(|refined| distance_m(&refined.map_from_camera) >= rivals.distinct_m));
     }
     associator.scored = scored;
-    found
 }
 
 /// The pose that the frame alone asks for near `best`; none where it is the

@@ -4,7 +4,8 @@ use nalgebra::Vector2;
 
 use super::{Look, Matcher, Pair};
 use crate::estimate::LandmarkId;
-use crate::measurement::{lane_ends, pair_lane, project_lane};
+use crate::measurement::{LaneEnds, LaneVertex, pair_lane, project_lane};
+use crate::prepare::Bounds;
 use crate::preselect::LaneCandidate;
 
 /// A lane line visible over less than this is not expected, metres.
@@ -16,18 +17,25 @@ pub(super) struct LaneAt {
     /// Its vertices are `Matcher::vertices[start..end]`.
     start: usize,
     end: usize,
-    /// Nothing further from it is compared with it, pixels.
+    /// Nothing further from it is compared with it, pixels; 0 where there is
+    /// nothing near.
     reach_px: f64,
 }
 
 /// What it costs that a lane line was not seen, nats.
-fn missing(look: &Look<'_>, lane: &LaneCandidate) -> f64 {
-    let scene = look.scene;
-    let points = scene.candidates.lane_points_map.get(lane.start..lane.end).unwrap_or(&[]);
-    let seen = points.iter().filter_map(|p| look.view.project(p)).filter(|(p, _)| scene.image.contains(p, 0.0));
+fn missing(look: &Look<'_>, lane: &LaneCandidate, vertices: &[LaneVertex]) -> f64 {
+    let seen = vertices.iter().filter(|vertex| !vertex.is_cut && look.scene.image.contains(&vertex.at_px, 0.0));
     let (least_m, most_m) =
-        seen.fold((f64::MAX, f64::MIN), |(least, most), (_, depth_m)| (depth_m.min(least), depth_m.max(most)));
-    if most_m - least_m > MIN_VISIBLE_LANE_M { (1.0 - scene.detection.lane(lane.kind)).ln() } else { 0.0 }
+        seen.fold((f64::MAX, f64::MIN), |(least, most), seen| (seen.depth_m.min(least), seen.depth_m.max(most)));
+    if most_m - least_m > MIN_VISIBLE_LANE_M { (1.0 - look.scene.detection.lane(lane.kind)).ln() } else { 0.0 }
+}
+
+impl Look<'_> {
+    /// A lane line half a lane away is another line, whatever the gate:
+    /// `sigma` is that of its nearest vertex, pixels.
+    fn lane_reach_px(&self, sigma: &Vector2<f64>, nearest: &LaneVertex) -> f64 {
+        4.0 * sigma.norm() + 0.25 * self.scene.camera.fx_px / nearest.depth_m.max(1.0) + 10.0
+    }
 }
 
 impl Matcher {
@@ -40,36 +48,46 @@ impl Matcher {
         self.lanes.clear();
         for (candidate, lane) in lanes.iter().enumerate() {
             let (start, end) = project_lane(&look.view, scene.candidates, lane, &mut self.vertices);
+            self.lanes.push(LaneAt { start, end, reach_px: 0.0 });
             let vertices = self.vertices.get(start..end).unwrap_or(&[]);
-            let Some(nearest) = vertices.iter().min_by(|a, b| a.depth_m.total_cmp(&b.depth_m)) else {
-                self.lanes.push(LaneAt { start, end, reach_px: 0.0 });
-                continue;
-            };
+            let Some(nearest) = vertices.iter().min_by(|a, b| a.depth_m.total_cmp(&b.depth_m)) else { continue };
             let p = look.view.to_camera(&nearest.point_map);
-            let sigma = Vector2::new(look.sigma_px(&p, &Vector2::x()), look.sigma_px(&p, &Vector2::y()));
-            // A lane line half a lane away is another line, whatever the gate.
-            let reach_px = 4.0 * sigma.norm() + 0.25 * focal_px / nearest.depth_m.max(1.0) + 10.0;
-            self.lanes.push(LaneAt { start, end, reach_px });
-            let log_probability = scene.detection.lane(lane.kind).ln();
+            // First by bounds, which cost less; their margin is far above what
+            // rounding does to the exact distance.
+            let most = Vector2::new(look.most_sigma_px(&p, &Vector2::x()), look.most_sigma_px(&p, &Vector2::y()));
+            let around = Bounds::of(vertices.iter().map(|vertex| vertex.at_px));
+            let around = around.grown(1.001 * look.lane_reach_px(&most, nearest));
+            let mut known = None;
             for (i, feature) in scene.features.lanes.iter().enumerate() {
-                let ends = lane_ends(vertices, feature, scene.noise, focal_px, reach_px);
-                let Some([first, last]) = ends else { continue };
-                let Some((distance2, log_density)) = look.judge(&first, &last) else { continue };
+                if around.is_apart(&feature.bounds) {
+                    continue;
+                }
+                let (reach_px, log_probability) = *known.get_or_insert_with(|| {
+                    let sigma = Vector2::new(look.sigma_px(&p, &Vector2::x()), look.sigma_px(&p, &Vector2::y()));
+                    (look.lane_reach_px(&sigma, nearest), scene.detection.lane(lane.kind).ln())
+                });
+                let pair = LaneEnds::new(vertices, feature, scene.noise, focal_px, reach_px);
+                let Some((distance2, log_density)) = look.judge_lane(pair) else { continue };
                 let support = log_probability + log_density - clutter_ln;
                 self.pairs.push(Pair { feature: i, candidate, distance2, support });
+            }
+            if let (Some((reach_px, _)), Some(at)) = (known, self.lanes.last_mut()) {
+                at.reach_px = reach_px;
             }
         }
         self.settle(scene.features.lanes.len(), lanes.len());
         let first = self.matches.len();
         let (ats, vertices) = (std::mem::take(&mut self.lanes), std::mem::take(&mut self.vertices));
+        let at = |candidate: usize| ats.get(candidate).zip(lanes.get(candidate));
+        let of = |at: &LaneAt| vertices.get(at.start..at.end).unwrap_or(&[]);
         let unseen = self.close(
             look.wanted,
             matched,
-            |candidate| lanes.get(candidate).map_or(0.0, |lane| missing(look, lane)),
+            |candidate| at(candidate).map_or(0.0, |(at, lane)| missing(look, lane, of(at))),
             |pair| {
-                let (at, lane) = ats.get(pair.candidate).zip(lanes.get(pair.candidate))?;
+                let (at, lane) = at(pair.candidate)?;
                 let feature = scene.features.lanes.get(pair.feature)?;
-                let pairing = pair_lane(vertices.get(at.start..at.end)?, feature, scene.noise, focal_px, at.reach_px)?;
+                let pairing = pair_lane(of(at), feature, scene.noise, focal_px, at.reach_px)?;
                 Some((LandmarkId::Lane(lane.index), feature.index, pairing))
             },
         );

@@ -1,6 +1,7 @@
 use common::geometry::{PinholeCamera, Pose, PoseParameters, Tangent, retract};
 use common::map::{LaneKind, LaneLine, PoleKind, Road, RoadId, SemanticMap};
-use nalgebra::{Point3, Vector6};
+use nalgebra::{Matrix6x2, Point3, Vector6};
+use proptest::prelude::*;
 
 use super::*;
 use crate::features::{Features, LaneFeature, LineFeature, MarkEdge};
@@ -164,4 +165,44 @@ fn marks_tell_how_far_along_the_line_the_camera_is_up_to_a_dash_and_a_gap() {
     assert!(off_px.abs() < 1e-6, "{off_px}");
     assert_eq!(marks_at(&mut matcher, 0.3, 6.0), None, "one dash further on looks the same");
     assert!(matcher.matches.iter().any(|found| found.landmark == LandmarkId::Lane(0)), "the line itself does not");
+}
+
+proptest! {
+    #[test]
+    fn what_one_end_refutes_the_pair_refutes(
+        factor in prop::array::uniform32(-1.0..1.0_f64),
+        scale in 0.001..0.5_f64,
+        points in prop::array::uniform2((-4.0..4.0_f64, -2.0..2.0_f64, 4.0..40.0_f64)),
+        off_px in prop::array::uniform2(-60.0..60.0_f64),
+        angle in 0.0..3.1_f64,
+        sigma_px in 0.5..4.0_f64,
+    ) {
+        let camera = crate::projection::tests::camera();
+        let owned = Owned::new(camera, &SemanticMap::default(), &Pose::identity(), &Features::default());
+        let (scene, root) = (owned.scene(), Matrix6::from_iterator(factor.into_iter().cycle()) * scale);
+        let covariance = root * root.transpose();
+        let view = View::new(&camera, &Pose::identity());
+        let look = Look {
+            scene: &scene,
+            view,
+            covariance: &covariance,
+            spread: Spread::new(&covariance),
+            clutter: scene.detection.clutter(scene.features, scene.image),
+            wanted: Wanted::Both,
+        };
+        let normal = Vector2::new(angle.cos(), angle.sin());
+        let ends = [0, 1].map(|i| {
+            let point_map = Point3::from(<[f64; 3]>::from(points[i]));
+            let on_line_px = view.project(&point_map).unwrap().0 - normal * off_px[i];
+            Observation::on_line(point_map, normal, &on_line_px, sigma_px)
+        });
+        let rows = ends.map(|end| end.linearise(&view).unwrap());
+        let (r, j) = (Vector2::new(rows[0].0, rows[1].0), Matrix6x2::from_columns(&[rows[0].1, rows[1].1]));
+        let s = j.transpose() * covariance * j + Matrix2::identity() * (sigma_px * sigma_px);
+        let distance2 = r.dot(&(s.try_inverse().unwrap() * r));
+        match look.judge(&ends[0], &ends[1]) {
+            Some((judged2, _)) => prop_assert!((judged2 - distance2).abs() < 1e-6 * (1.0 + distance2)),
+            None => prop_assert!(distance2 > GATE * (1.0 - 1e-6)),
+        }
+    }
 }

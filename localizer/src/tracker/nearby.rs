@@ -60,11 +60,13 @@ impl Default for NearbyConfig {
 
 impl Tracker<'_> {
     /// The poses around the best hypothesis for which this frame says about as
-    /// much; none while that is trusted.
+    /// much; none while that is trusted, or too young for it: then a search has
+    /// just looked around it.
     pub(super) fn search_nearby(&mut self) -> Result<Vec<Hypothesis>> {
-        let config = &self.config.nearby;
+        let (config, youngest) = (&self.config.nearby, self.config.health.verify_frames);
         let is_due = |best: &&Hypothesis| {
-            self.status != Some(Status::Ok) && best.age_frames.is_multiple_of(config.every_frames.max(1))
+            let is_asked = self.status != Some(Status::Ok) && best.age_frames >= youngest;
+            is_asked && best.age_frames.is_multiple_of(config.every_frames.max(1))
         };
         let Some(best) = self.bank.first().filter(is_due).cloned() else { return Ok(Vec::new()) };
         let start = StartConfig {

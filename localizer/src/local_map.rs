@@ -160,21 +160,23 @@ impl LocalMap {
     /// The place on the paths of `roads` that is nearest to a position in the
     /// horizontal plane; none where no path has two distinct points.
     pub fn nearest_path(&self, roads: &[RoadKey], position_map: &Point3<f64>) -> Option<PathPlace> {
-        let mut best: Option<(f64, PathPlace)> = None;
+        let mut best: Option<(f64, Point3<f64>, Vector3<f64>)> = None;
         for ends in roads.iter().flat_map(|&road| self.path(road).windows(2)) {
             let along = ends[1] - ends[0];
             let length2 = along.x * along.x + along.z * along.z;
-            let Some(forward_map) = along.try_normalize(1e-6).filter(|_| length2 > 1e-12) else { continue };
+            if length2.is_nan() || length2 <= 1e-12 {
+                continue;
+            }
             let to = position_map - ends[0];
             let fraction = ((to.x * along.x + to.z * along.z) / length2).clamp(0.0, 1.0);
             let point_map = ends[0] + along * fraction;
             let off = position_map - point_map;
             let distance2 = off.x * off.x + off.z * off.z;
-            if best.as_ref().is_none_or(|(least, _)| distance2 < *least) {
-                best = Some((distance2, PathPlace { point_map, forward_map }));
+            if best.as_ref().is_none_or(|(least, ..)| distance2 < *least) {
+                best = Some((distance2, point_map, along));
             }
         }
-        best.map(|(_, place)| place)
+        best.map(|(_, point_map, along)| PathPlace { point_map, forward_map: along.normalize() })
     }
 
     /// What was read of an atlas; none for a map that is held as a whole.

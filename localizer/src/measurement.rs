@@ -248,6 +248,23 @@ impl PoleImage {
         focal_px: f64,
         slack_px: f64,
     ) -> Option<[Observation; 2]> {
+        let stretch = self.stretch(feature, noise, focal_px, slack_px)?;
+        let [start_px, end_px] = stretch.places_px;
+        Some([
+            self.observe(&stretch, start_px, feature, noise, focal_px),
+            self.observe(&stretch, end_px, feature, noise, focal_px),
+        ])
+    }
+
+    /// Where a pair with a feature is compared; none where it is none. See
+    /// [`Self::pair`].
+    pub fn stretch(
+        &self,
+        feature: &PreparedPole,
+        noise: &NoiseConfig,
+        focal_px: f64,
+        slack_px: f64,
+    ) -> Option<Stretch> {
         let along = |p: &Point2<f64>| feature.down.dot(&(p - feature.upper_px));
         let (top, foot) = (along(&self.top_px), along(&self.foot_px));
         if foot - top < 1.0 {
@@ -263,29 +280,52 @@ impl PoleImage {
             return None;
         }
         // Without overlap within the slack: compare where they come closest.
-        let (start, end) = if end - start < 1.0 {
+        let places_px = if end - start < 1.0 {
             let middle = (0.5 * (start + end)).clamp(top, foot);
-            ((middle - 0.5).max(top), (middle + 0.5).min(foot))
+            [(middle - 0.5).max(top), (middle + 0.5).min(foot)]
         } else {
-            (start, end)
+            [start, end]
         };
-        Some([start, end].map(|place| {
-            let fraction = (place - top) / (foot - top);
-            let share = fraction_in_space(fraction, self.top_depth_m, self.foot_depth_m);
-            let point_map = self.top_map + (self.foot_map - self.top_map) * share;
-            let depth_m = self.top_depth_m + (self.foot_depth_m - self.top_depth_m) * share;
-            let landmark_px = noise.pole_sigma_m * focal_px / depth_m;
-            let variance = feature.variance_px2(place)
-                + landmark_px * landmark_px
-                + noise.calibration_sigma_px * noise.calibration_sigma_px;
-            Observation {
-                point_map,
-                normal: feature.line.normal,
-                offset_px: feature.line.offset_px,
-                sigma_px: variance.sqrt(),
-            }
-        }))
+        Some(Stretch { places_px, top_px: top, foot_px: foot })
     }
+
+    /// The observation at a place of a stretch, pixels below the feature's upper
+    /// end.
+    pub fn observe(
+        &self,
+        stretch: &Stretch,
+        place_px: f64,
+        feature: &PreparedPole,
+        noise: &NoiseConfig,
+        focal_px: f64,
+    ) -> Observation {
+        let fraction = (place_px - stretch.top_px) / (stretch.foot_px - stretch.top_px);
+        let share = fraction_in_space(fraction, self.top_depth_m, self.foot_depth_m);
+        let point_map = self.top_map + (self.foot_map - self.top_map) * share;
+        let depth_m = self.top_depth_m + (self.foot_depth_m - self.top_depth_m) * share;
+        let landmark_px = noise.pole_sigma_m * focal_px / depth_m;
+        let variance = feature.variance_px2(place_px)
+            + landmark_px * landmark_px
+            + noise.calibration_sigma_px * noise.calibration_sigma_px;
+        Observation {
+            point_map,
+            normal: feature.line.normal,
+            offset_px: feature.line.offset_px,
+            sigma_px: variance.sqrt(),
+        }
+    }
+}
+
+/// Where a pole and a feature are compared, pixels below the feature's upper end
+/// along it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stretch {
+    /// The first place and the last.
+    pub places_px: [f64; 2],
+    /// The pole's top.
+    top_px: f64,
+    /// The pole's foot.
+    foot_px: f64,
 }
 
 /// The pair of a sign and a feature (eq. 8), at the sign's depth (m); none
@@ -297,10 +337,13 @@ pub fn pair_sign(
     noise: &NoiseConfig,
     focal_px: f64,
 ) -> Option<[Observation; 2]> {
+    if sign.kind != feature.kind {
+        return None;
+    }
     let expected_px = sign.size_m * focal_px / depth_m;
     let found_px = feature.extent_px.norm();
     let ratio = (found_px / expected_px.max(1e-9)).max(expected_px / found_px.max(1e-9));
-    if sign.kind != feature.kind || ratio > noise.max_size_ratio {
+    if ratio > noise.max_size_ratio {
         return None;
     }
     let landmark_px = noise.sign_sigma_m.hypot(noise.sign_sigma_of_size * sign.size_m) * focal_px / depth_m;

@@ -2,9 +2,10 @@
 
 use nalgebra::Vector2;
 
-use super::{Look, Matcher, Pair};
+use super::{Look, Matcher, Pair, judge_ends};
 use crate::estimate::LandmarkId;
 use crate::measurement::{PoleEnds, PoleImage};
+use crate::prepare::PreparedPole;
 use crate::preselect::PoleCandidate;
 
 /// A pole shorter than this in the image is not expected to be found, pixels.
@@ -26,8 +27,6 @@ struct Near {
     across_px: f64,
     /// Standard deviation of the pose's shift along the columns, pixels.
     along_px: f64,
-    log_probability: f64,
-    ends: PoleEnds,
 }
 
 impl Near {
@@ -37,11 +36,26 @@ impl Near {
     }
 }
 
-impl PoleAt {
-    fn probability(&self, look: &Look<'_>, pole: &PoleCandidate) -> f64 {
-        look.scene.detection.pole(pole.kind, self.image.foot_depth_m, pole.sight_m)
-    }
+/// The probability that a pole is found.
+fn probability(look: &Look<'_>, image: &PoleImage, pole: &PoleCandidate) -> f64 {
+    look.scene.detection.pole(pole.kind, image.foot_depth_m, pole.sight_m)
+}
 
+impl Look<'_> {
+    /// As [`Self::judge`], of a pole.
+    fn judge_pole(&self, image: &PoleImage, feature: &PreparedPole, slack_px: f64) -> Option<(f64, f64)> {
+        let (noise, focal_px) = (self.scene.noise, self.scene.camera.fx_px);
+        let stretch = image.stretch(feature, noise, focal_px, slack_px)?;
+        let [start_px, end_px] = stretch.places_px;
+        let first = image.observe(&stretch, start_px, feature, noise, focal_px);
+        let first_end = self.end(&first, first.sigma_px)?;
+        let last = image.observe(&stretch, end_px, feature, noise, focal_px);
+        let last_end = self.end(&last, last.sigma_px)?;
+        judge_ends(&first_end, first.sigma_px, &last_end, last.sigma_px)
+    }
+}
+
+impl PoleAt {
     /// What it costs that it was not seen, nats: nothing unless most of it is
     /// within the image, and long enough to be found.
     fn missing(&self, look: &Look<'_>, pole: &PoleCandidate) -> f64 {
@@ -51,7 +65,7 @@ impl PoleAt {
             let length_px = (image.foot_px - image.top_px).norm();
             image.visible_length_px(size) > (0.5 * length_px).max(MIN_VISIBLE_PX)
         };
-        if is_expected { (1.0 - self.probability(look, pole)).ln() } else { 0.0 }
+        if is_expected { (1.0 - probability(look, image, pole)).ln() } else { 0.0 }
     }
 }
 
@@ -67,6 +81,7 @@ impl Matcher {
                 continue;
             };
             let mut at = PoleAt { image, near: None };
+            let mut known: Option<(f64, PoleEnds)> = None;
             let middle = look.view.to_camera(&image.middle_map());
             let landmark_px = scene.noise.pole_sigma_m * focal_px / image.foot_depth_m;
             let most_px = look.most_sigma_px(&middle, &Vector2::x()) + landmark_px + scene.noise.calibration_sigma_px;
@@ -82,10 +97,7 @@ impl Matcher {
                 let near = at.near.get_or_insert_with(|| {
                     let across_px =
                         look.sigma_px(&middle, &Vector2::x()) + landmark_px.hypot(scene.noise.calibration_sigma_px);
-                    let along_px = look.sigma_px(&middle, &Vector2::y());
-                    let probability = scene.detection.pole(pole.kind, image.foot_depth_m, pole.sight_m);
-                    let ends = image.ends(scene.noise, focal_px, along_px);
-                    Near { across_px, along_px, log_probability: probability.ln(), ends }
+                    Near { across_px, along_px: look.sigma_px(&middle, &Vector2::y()) }
                 });
                 let allowed_px = 5.0 * (near.across_px + feature.offset_sigma_px)
                     + 5.0 * feature.angle_sigma_rad * feature.length_px
@@ -93,11 +105,16 @@ impl Matcher {
                 if off_px > allowed_px {
                     continue;
                 }
-                let Some([first, last]) = image.pair(feature, scene.noise, focal_px, near.slack_px()) else { continue };
-                let Some((distance2, log_density)) = look.judge(&first, &last) else { continue };
+                let Some((distance2, log_density)) = look.judge_pole(&image, feature, near.slack_px()) else {
+                    continue;
+                };
+                let (log_probability, ends) = *known.get_or_insert_with(|| {
+                    let ends = image.ends(scene.noise, focal_px, near.along_px);
+                    (probability(look, &image, pole).ln(), ends)
+                });
                 let length_px = feature.length_px.min(image.visible_length_px(scene.image));
-                let ends = image.ends_support(feature, &near.ends, rows_px);
-                let support = near.log_probability + log_density + ends - look.clutter.poles_per_px2(length_px).ln();
+                let ends = image.ends_support(feature, &ends, rows_px);
+                let support = log_probability + log_density + ends - look.clutter.poles_per_px2(length_px).ln();
                 self.pairs.push(Pair { feature: i, candidate, distance2, support });
             }
             self.poles.push(Some(at));

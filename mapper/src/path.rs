@@ -1,5 +1,7 @@
 //! The driven path on the ground plane: station along it, offset beside it.
 
+use std::ops::RangeInclusive;
+
 use nalgebra::{Point2, Point3, Vector2};
 
 use crate::grid::Grid;
@@ -35,10 +37,15 @@ struct Segment {
 }
 
 impl Segment {
+    /// Distance of a point along its line, metres.
+    fn along_m(&self, p: &Point2<f64>) -> f64 {
+        (p - self.start).dot(&self.direction)
+    }
+
     /// Distance along it of the place nearest to a point, and the square of
     /// the point's distance from there.
     fn nearest(&self, p: &Point2<f64>) -> (f64, f64) {
-        let along_m = (p - self.start).dot(&self.direction).clamp(0.0, self.length_m);
+        let along_m = self.along_m(p).clamp(0.0, self.length_m);
         (along_m, (p - (self.start + self.direction * along_m)).norm_squared())
     }
 }
@@ -133,6 +140,28 @@ impl Path {
         best
     }
 
+    /// Those of some segments that may be nearest to a point within a distance
+    /// (metres) of `middle`: from where all such points have passed one and lie beside
+    /// the next, that is the nearer one, and likewise backwards.
+    fn between(&self, among: RangeInclusive<usize>, middle: &Point2<f64>, within_m: f64) -> RangeInclusive<usize> {
+        let (mut first, mut last) = among.into_inner();
+        let is_past = |i: usize| {
+            let (segment, next) = (&self.segments[i], &self.segments[i + 1]);
+            segment.along_m(middle) > segment.length_m + within_m && next.along_m(middle) > within_m + ROUNDING_M
+        };
+        let is_before = |i: usize| {
+            let (segment, last) = (&self.segments[i], &self.segments[i - 1]);
+            segment.along_m(middle) < -within_m && last.along_m(middle) < last.length_m - within_m - ROUNDING_M
+        };
+        while first < last && is_past(first) {
+            first += 1;
+        }
+        while first < last && is_before(last) {
+            last -= 1;
+        }
+        first..=last
+    }
+
     /// The place of a point beside the nearest of some of the segments.
     fn place_beside(&self, p: &Point2<f64>, among: impl IntoIterator<Item = usize>) -> PathPlace {
         let (i, along_m, squared) = self.nearest(p, among);
@@ -168,8 +197,15 @@ impl Path {
 #[derive(Debug, Clone)]
 pub struct PathIndex {
     grid: Grid,
-    segments: Vec<u32>,
+    /// For each cell the first of the segments looked at, and how many they are.
+    segments: Vec<(u32, u8)>,
 }
+
+/// Segments to each side of that nearest to a cell's centre that are looked at.
+const BESIDE: usize = 2;
+/// A difference along the path that tells more than rounding does, metres: its
+/// square is a difference of squares of some hundred metres.
+const ROUNDING_M: f64 = 1e-3;
 
 /// Cells along the edge of a block that shares the segments looked at.
 const BLOCK: usize = 8;
@@ -177,7 +213,9 @@ const BLOCK: usize = 8;
 impl PathIndex {
     /// Indexes a path over a grid of cells not much longer than its segments.
     pub fn new(path: &Path, grid: &Grid) -> Self {
-        let mut segments = vec![0; grid.len()];
+        let mut segments = vec![(0, 0); grid.len()];
+        // Points of a cell lie within this of its centre, metres.
+        let within_m = grid.cell_m * std::f64::consts::FRAC_1_SQRT_2 + ROUNDING_M;
         // Cell centres of a block lie within this of its middle, metres.
         let reach_m = 0.5 * BLOCK as f64 * grid.cell_m * std::f64::consts::SQRT_2;
         let mut distances_m = vec![0.0; path.segments.len()];
@@ -196,7 +234,12 @@ impl PathIndex {
                 for z in low_z..(low_z + BLOCK).min(grid.height) {
                     for x in low_x..(low_x + BLOCK).min(grid.width) {
                         let cell = z * grid.width + x;
-                        segments[cell] = path.nearest(&grid.centre(cell), near.iter().copied()).0 as u32;
+                        let centre = grid.centre(cell);
+                        let nearest = path.nearest(&centre, near.iter().copied()).0;
+                        let last = (nearest + BESIDE).min(path.segments.len() - 1);
+                        let looked_at = path.between(nearest.saturating_sub(BESIDE)..=last, &centre, within_m);
+                        let (first, count) = (*looked_at.start(), looked_at.end() + 1 - looked_at.start());
+                        segments[cell] = (first as u32, count as u8);
                     }
                 }
             }
@@ -206,9 +249,9 @@ impl PathIndex {
 
     /// As [`Path::place`]; none outside the grid.
     pub fn place(&self, path: &Path, p: &Point2<f64>) -> Option<PathPlace> {
-        let segment = self.segments[self.grid.index(p)?] as usize;
-        let near = segment.saturating_sub(2)..(segment + 3).min(path.segments.len());
-        Some(path.place_beside(p, near))
+        let (first, count) = self.segments[self.grid.index(p)?];
+        let first = first as usize;
+        Some(path.place_beside(p, first..first + usize::from(count)))
     }
 }
 
@@ -240,14 +283,33 @@ mod tests {
 
     #[test]
     fn the_index_finds_the_same_places() {
-        let path = bend();
-        let grid = Grid::covering(Point2::new(-20.0, -20.0), Point2::new(60.0, 70.0), 1.0);
-        let index = PathIndex::new(&path, &grid);
+        // Places that a vehicle drives through fast, slowly, and around a bend of 12 m.
+        let fast: Vec<_> = (0..40).map(|i| Point3::new(0.3 * f64::from(i % 2), 0.0, 2.4 * f64::from(i))).collect();
+        let slow: Vec<_> = (0..90).map(|i| Point3::new(0.05 * f64::from(i % 3), 0.0, 0.6 * f64::from(i))).collect();
+        let around = |i: i32| Point3::new(12.0 * (0.1 * f64::from(i)).cos(), 0.0, 12.0 * (0.1 * f64::from(i)).sin());
+        let sharp: Vec<_> = (0..25).map(around).collect();
+        let paths = [bend(), Path::new(&fast, 20.0), Path::new(&slow, 20.0), Path::new(&sharp, 20.0)];
+        for path in &paths {
+            let grid = Grid::covering(Point2::new(-40.0, -40.0), Point2::new(60.0, 120.0), 1.0);
+            let index = PathIndex::new(path, &grid);
+            let beside = path.segments.len() as f64 * 2.5;
+            for i in 0..4000 {
+                let t = f64::from(i);
+                let p = path.beside((t * 0.029) % beside - 15.0, (t * 1.7) % 24.0 - 12.0);
+                let p = Point2::new(p.x, p.z);
+                // As if all segments beside the nearest to the cell's centre were looked at.
+                let Some(cell) = grid.index(&p) else { continue };
+                let nearest = path.nearest(&grid.centre(cell), 0..path.segments.len()).0;
+                let near = nearest.saturating_sub(BESIDE)..(nearest + BESIDE + 1).min(path.segments.len());
+                assert_eq!(index.place(path, &p), Some(path.place_beside(&p, near)));
+            }
+        }
+        let index = PathIndex::new(&paths[0], &Grid::covering(Point2::new(-20.0, -20.0), Point2::new(60.0, 70.0), 1.0));
         for i in 0..400 {
             let t = f64::from(i);
-            let p = path.beside((t * 0.29) % 70.0 - 10.0, (t * 1.7) % 24.0 - 12.0);
+            let p = paths[0].beside((t * 0.29) % 70.0 - 10.0, (t * 1.7) % 24.0 - 12.0);
             let p = Point2::new(p.x, p.z);
-            assert_eq!(index.place(&path, &p), Some(path.place(&p)));
+            assert_eq!(index.place(&paths[0], &p), Some(paths[0].place(&p)));
         }
     }
 

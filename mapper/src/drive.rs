@@ -3,7 +3,7 @@
 use std::path::{Path as FilePath, PathBuf};
 
 use common::geometry::{Pose, Tangent, local};
-use common::kitti::Sequence;
+use common::kitti::{Scan, Sequence};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
@@ -165,12 +165,17 @@ impl Drive {
     /// # Errors
     /// As [`LidarScan::read`].
     pub fn read(&self, frame: usize, vertical_angle_rad: f64) -> Result<LidarScan> {
+        Ok(LidarScan::prepare(&self.read_raw(frame)?, vertical_angle_rad))
+    }
+
+    /// Reads one scan as the file has it, but for the motion during it.
+    pub(crate) fn read_raw(&self, frame: usize) -> Result<Scan> {
         let mut scan = self.source.read(frame, self.max_range_m)?;
         let (deskew, turn_s) = self.deskew;
         if deskew != Deskew::None {
             deskew.apply(&mut scan.points, &self.motion_per_s(frame), turn_s);
         }
-        Ok(LidarScan::prepare(&scan, vertical_angle_rad))
+        Ok(scan)
     }
 
     /// Motion of the lidar at a frame, in its own frame, per second, by the

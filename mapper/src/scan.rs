@@ -2,7 +2,7 @@
 
 use std::path::Path as FilePath;
 
-use common::kitti::{Scan, read_scan};
+use common::kitti::{Scan, ScanPoint, read_scan};
 use nalgebra::Point3;
 
 /// Points of a scan in the Velodyne frame.
@@ -30,12 +30,11 @@ impl LidarScan {
 
     /// As [`Self::read`], from a scan already in memory.
     pub fn prepare(scan: &Scan, vertical_angle_rad: f64) -> Self {
-        let raw = |p: &common::kitti::ScanPoint| Point3::new(f64::from(p.x_m), f64::from(p.y_m), f64::from(p.z_m));
         let points = if vertical_angle_rad == 0.0 {
-            scan.points.iter().map(raw).collect()
+            scan.points.iter().map(position).collect()
         } else {
             let turn = vertical_angle_rad.sin_cos();
-            scan.points.iter().map(|p| raised(&raw(p), turn)).collect()
+            scan.points.iter().map(|p| raised(&position(p), turn)).collect()
         };
         Self {
             points,
@@ -44,6 +43,11 @@ impl LidarScan {
             dropped_out_of_range: scan.dropped_out_of_range,
         }
     }
+}
+
+/// Where a point of a scan is, Velodyne frame, metres.
+pub fn position(p: &ScanPoint) -> Point3<f64> {
+    Point3::new(f64::from(p.x_m), f64::from(p.y_m), f64::from(p.z_m))
 }
 
 /// A point (Velodyne frame) whose ray is turned up by an angle of given sine and cosine, about

@@ -1,5 +1,7 @@
 //! Voxel statistics of clouds: count, mean and scatter per cell.
 
+use std::borrow::Borrow;
+
 use nalgebra::{Matrix3, Point3, Vector3};
 use rustc_hash::FxHashMap;
 
@@ -74,13 +76,14 @@ impl Moments {
 
 /// The moments of the occupied voxels of a cloud, in the order of their keys,
 /// so that the result does not depend on the order of the points' cells.
-pub fn voxel_moments<'a>(points: impl IntoIterator<Item = &'a Point3<f64>>, cell_m: f64) -> Vec<Moments> {
+pub fn voxel_moments(points: impl IntoIterator<Item: Borrow<Point3<f64>>>, cell_m: f64) -> Vec<Moments> {
     let inverse = 1.0 / cell_m;
     let mut places: FxHashMap<VoxelKey, usize> = FxHashMap::default();
     let mut cells: Vec<(VoxelKey, usize)> = Vec::new();
     let mut sums: Vec<Sums> = Vec::new();
     let mut last: Option<(VoxelKey, usize)> = None;
     for p in points {
+        let p = p.borrow();
         let key = VoxelKey::of(p, inverse);
         // Neighbours on a beam mostly lie in one voxel.
         let place = match last {

@@ -1,5 +1,6 @@
 //! Odometry of the scans: each registered against those before it.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use common::geometry::Pose;
@@ -11,7 +12,7 @@ use super::graph::Motion;
 use super::local_map::LocalMap;
 use crate::drive::Drive;
 use crate::error::Result;
-use crate::scan::raised;
+use crate::scan::{position, raised};
 use crate::voxel::{Moments, voxel_moments};
 
 /// Scans that are read ahead in parallel: what is held in memory at a time.
@@ -37,7 +38,7 @@ pub(super) struct ScanCells {
     pub surfaces: Vec<ScanSurface>,
 }
 
-/// Scans that were read already, by frame, before any raising.
+/// Scans that were read already, by frame.
 pub(super) type KnownCells = BTreeMap<usize, ScanCells>;
 
 impl ScanCells {
@@ -48,9 +49,9 @@ impl ScanCells {
         Ok(Self { cells, surfaces })
     }
 
-    /// The scan raised by an angle. A voxel is too small to be bent by it: its
+    /// Raises the scan by an angle. A voxel is too small to be bent by it: its
     /// mean moves.
-    pub fn raised(mut self, angle_rad: f64) -> Self {
+    pub fn raise(&mut self, angle_rad: f64) {
         let turn = angle_rad.sin_cos();
         for cell in &mut self.cells {
             cell.mean = raised(&cell.mean, turn);
@@ -58,15 +59,14 @@ impl ScanCells {
         for ScanSurface { surface } in &mut self.surfaces {
             surface.mean = raised(&surface.mean, turn);
         }
-        self
     }
 }
 
 /// The voxels of a scan in its own frame, not raised.
 pub(super) fn read_cells(drive: &Drive, frame: usize, config: &AlignConfig) -> Result<Vec<Moments>> {
     let range = config.nearest_m.powi(2)..config.farthest_m.powi(2);
-    let scan = drive.read(frame, 0.0)?;
-    let used = scan.points.iter().filter(|p| range.contains(&p.coords.norm_squared()));
+    let scan = drive.read_raw(frame)?;
+    let used = scan.points.iter().map(position).filter(|p| range.contains(&p.coords.norm_squared()));
     Ok(voxel_moments(used, config.scan_voxel_m))
 }
 
@@ -76,7 +76,8 @@ pub(super) fn raised_cells(cells: &[Moments], angle_rad: f64) -> Vec<Moments> {
     cells.iter().map(|c| Moments { mean: raised(&c.mean, turn), ..*c }).collect()
 }
 
-/// Registers each scan of `frames`, raised by an angle, against those before it.
+/// Registers each scan of `frames`, raised by an angle as those already known are,
+/// against those before it.
 pub(super) fn odometry(
     drive: &Drive,
     frames: &[usize],
@@ -84,11 +85,15 @@ pub(super) fn odometry(
     config: &AlignConfig,
     known: &KnownCells,
 ) -> Result<Odometry> {
-    let prepare = |frame: &usize| match known.get(frame) {
-        Some(scan) => Ok(scan.clone().raised(angle_rad)),
-        None => Ok(ScanCells::read(drive, *frame, config)?.raised(angle_rad)),
+    let prepare = |frame: &usize| {
+        if let Some(scan) = known.get(frame) {
+            return Ok(Cow::Borrowed(scan));
+        }
+        let mut scan = ScanCells::read(drive, *frame, config)?;
+        scan.raise(angle_rad);
+        Ok(Cow::Owned(scan))
     };
-    let prepared = |batch: &[usize]| -> Vec<Result<ScanCells>> { batch.par_iter().map(prepare).collect() };
+    let prepared = |batch: &[usize]| -> Vec<Result<Cow<ScanCells>>> { batch.par_iter().map(prepare).collect() };
     let mut chain = Registered::new(drive, config);
     // Two of these are held at a time.
     let mut batches = frames.chunks(BATCH / 2);

@@ -90,7 +90,7 @@ fn without_outliers(none: &[f64], some: &[f64]) -> (Vec<f64>, Vec<f64>) {
 const TRIAL_RAD: f64 = 0.0035;
 
 /// The angle by which the lidar's points must be raised, radians, and the
-/// scans that were read to find it.
+/// scans that were read to find it, raised by it.
 pub(super) fn vertical_angle(drive: &Drive, config: &RefineConfig) -> Result<(f64, KnownCells)> {
     let settings = &config.vertical_angle;
     let frames = spaced_frames(drive, settings);
@@ -100,12 +100,12 @@ pub(super) fn vertical_angle(drive: &Drive, config: &RefineConfig) -> Result<(f6
     }
     let read: Vec<Result<_>> =
         frames.par_iter().map(|f| Ok((*f, ScanCells::read(drive, *f, &config.align)?))).collect();
-    let known = read.into_iter().collect::<Result<KnownCells>>()?;
-    let trial = |angle| -> Result<Vec<f64>> {
-        let found = odometry(drive, frames, angle, &config.align, &known)?;
+    let mut known = read.into_iter().collect::<Result<KnownCells>>()?;
+    let trial = |angle, raised: &KnownCells| -> Result<Vec<f64>> {
+        let found = odometry(drive, frames, angle, &config.align, raised)?;
         Ok(pitch_differences(drive, frames, &found.motions))
     };
-    let (none, some) = rayon::join(|| trial(0.0), || trial(TRIAL_RAD));
+    let (none, some) = rayon::join(|| trial(0.0, &known), || trial(TRIAL_RAD, &raised(known.clone(), TRIAL_RAD)));
     let (none, some) = without_outliers(&none?, &some?);
     let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
     let slope = (mean(&some) - mean(&none)) / TRIAL_RAD;
@@ -117,7 +117,18 @@ pub(super) fn vertical_angle(drive: &Drive, config: &RefineConfig) -> Result<(f6
     let spread = none.iter().map(|d| (d - mean(&none)).powi(2)).sum::<f64>() / (n - 1.0);
     let sigma = (spread / n).sqrt() / slope.abs();
     let believed = angle.abs() < settings.largest_rad && angle.abs() > settings.significance * sigma;
-    Ok((if believed { angle } else { 0.0 }, known))
+    if !believed {
+        return Ok((0.0, known));
+    }
+    known = raised(known, angle);
+    Ok((angle, known))
+}
+
+fn raised(mut scans: KnownCells, angle_rad: f64) -> KnownCells {
+    for scan in scans.values_mut() {
+        scan.raise(angle_rad);
+    }
+    scans
 }
 
 #[cfg(test)]

@@ -101,8 +101,8 @@ impl<'a> Contrasts<'a> {
         for steps in &steps[..count] {
             darker += usize::from(reflectance[i] - reflectance[beside(*steps)] > config.least_noise);
         }
-        // Before any distance is looked at: of a hundred points of asphalt
-        // some five go on.
+        // Before any distance is looked at: half of the points of a real road end
+        // here.
         if darker < FEWEST_DARKER {
             return None;
         }

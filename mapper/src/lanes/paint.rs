@@ -142,12 +142,13 @@ fn split(
     config: &LaneConfig,
 ) -> (Vec<PathPoint>, Vec<RoadPoint>) {
     let (mut bright, mut road) = (Vec::new(), Vec::with_capacity(count));
-    for p in places {
+    // From within: those of many cells are many short pieces.
+    places.for_each(|p| {
         road.push(RoadPoint { station_m: p.station_m as f32, offset_m: p.offset_m as f32, height_m: p.height_m });
         if p.contrast >= config.least_contrast {
             bright.push(p);
         }
-    }
+    });
     (bright, road)
 }
 

@@ -67,10 +67,13 @@ fn side_by_side(
     let mut poll = Poll::new(cell_of(reach_m) + half + 1, half, config.most_bin_points);
     // First and last bin with paint of each strip.
     let mut ends: Vec<Option<(u16, u16)>> = vec![None; poll.votes().len()];
+    let mut cells: Vec<usize> = Vec::new();
     for (bin, points) in bins {
         let off_m = points.iter().map(|p| p.offset_m - line.offset_m(p.station_m));
-        let cells = off_m.filter(|off_m| off_m.abs() <= reach_m).map(cell_of);
-        let (first, counts) = poll.count(0..ends.len(), cells);
+        cells.clear();
+        cells.extend(off_m.filter(|off_m| off_m.abs() <= reach_m).map(cell_of));
+        let (Some(low), Some(high)) = (cells.iter().min(), cells.iter().max()) else { continue };
+        let (first, counts) = poll.count(*low..high + 1, cells.iter().copied());
         for (ends, _) in ends[first..].iter_mut().zip(counts).filter(|(_, count)| **count > 0) {
             *ends = Some((ends.map_or(*bin, |ends| ends.0), *bin));
         }

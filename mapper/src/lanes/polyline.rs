@@ -40,7 +40,7 @@ fn describe(chain: &Chain, paint: &Paint, path: &Path, cloud: &Cloud, config: &L
     }
     let described = |(kind, range): (LaneKind, std::ops::Range<usize>)| {
         let marks_m = marks(kind, &bins[range.clone()], shares, paint, config);
-        Some(LanePiece { marks_m, ..piece(kind, &bins[range], path, cloud, config)? })
+        Some(LanePiece { marks_m, ..piece(kind, &bins[range], (path, paint), cloud, config)? })
     };
     stretches.into_iter().filter_map(described).collect()
 }
@@ -58,7 +58,13 @@ fn usual_gap_m(bins: &[Bin], stretches: &[Stretch], config: &LaneConfig) -> f64 
     gaps.get(gaps.len() / 2).map_or(0.0, |gap| *gap as f64 * config.profile_m)
 }
 
-fn piece(kind: LaneKind, bins: &[Bin], path: &Path, cloud: &Cloud, config: &LaneConfig) -> Option<LanePiece> {
+fn piece(
+    kind: LaneKind,
+    bins: &[Bin],
+    (path, paint): (&Path, &Paint),
+    cloud: &Cloud,
+    config: &LaneConfig,
+) -> Option<LanePiece> {
     let painted: Vec<&Bin> = bins.iter().filter(|b| b.painted && b.bright > 0.0).collect();
     let mean = |of: &dyn Fn(&Bin) -> f64| painted.iter().map(|b| of(b)).sum::<f64>() / painted.len().max(1) as f64;
     let spread_m = mean(&|b| b.off_m * b.off_m).sqrt();
@@ -71,7 +77,7 @@ fn piece(kind: LaneKind, bins: &[Bin], path: &Path, cloud: &Cloud, config: &Lane
     if (if kind == LaneKind::Dashed { most } else { least }) > config.largest_striped_share {
         return None;
     }
-    let is_kerb = || step_m(&painted, config).is_some_and(|step_m| step_m > config.least_kerb_m);
+    let is_kerb = || step_m(&painted, paint, config).is_some_and(|step_m| step_m > config.least_kerb_m);
     let (is_pale, is_ragged) = (contrast < config.least_walled_contrast, least > config.ragged_share);
     if is_pale && is_kerb() {
         return None;

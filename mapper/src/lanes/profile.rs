@@ -34,14 +34,14 @@ pub struct Bin {
     pub off_m: f64,
     /// Mean contrast of these, standard deviations.
     pub contrast: f64,
-    /// Heights of the road points in strips beside the line: far and near on
-    /// its left, near and far on its right.
-    pub strips: [Mean; 4],
+    /// Offset about which all these were counted, metres: the line is smoothed
+    /// then.
+    pub counted_m: f64,
 }
 
 /// A mean of values that come one by one.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Mean {
+#[derive(Debug, Clone, Copy, Default)]
+struct Mean {
     sum: f64,
     count: f64,
 }
@@ -158,17 +158,39 @@ fn fill(bin: &mut Bin, paint: &Paint, half_m: f64, config: &LaneConfig) {
     bin.bright = on;
     bin.off_m = off_sum_m / on.max(1.0);
     bin.contrast = contrast_sum / on.max(1.0);
-    let strips_end_m = config.half_line_m + 2.0 * config.kerb_within_m;
-    let reach_m = far_m.max(strips_end_m);
-    let mut strips = [Mean::default(); 4];
-    for point in paint.road.near([from_m, to_m], [offset_m - reach_m, offset_m + reach_m]) {
-        if !(from_m..to_m).contains(&f64::from(point.station_m)) {
-            continue;
-        }
-        let off_m = f64::from(point.offset_m) - offset_m;
+    for_each_beside(paint, [from_m, to_m], offset_m, half_m.max(far_m), |off_m, _| {
         if let Some(k) = part(off_m) {
             shares[k].road += 1.0;
         }
+    });
+    [bin.core, bin.beside[0], bin.beside[1]] = shares;
+    bin.counted_m = offset_m;
+}
+
+/// Calls `each` for the road points between two stations and about so near to an
+/// offset, metres: with how far to its right they are, and their height.
+fn for_each_beside(
+    paint: &Paint,
+    [from_m, to_m]: [f64; 2],
+    offset_m: f64,
+    reach_m: f64,
+    mut each: impl FnMut(f64, f32),
+) {
+    // From within: the cells are many short pieces.
+    paint.road.near([from_m, to_m], [offset_m - reach_m, offset_m + reach_m]).for_each(|point| {
+        if (from_m..to_m).contains(&f64::from(point.station_m)) {
+            each(f64::from(point.offset_m) - offset_m, point.height_m);
+        }
+    });
+}
+
+/// Heights of the road points in strips beside the line in a bin: far and near on
+/// its left, near and far on its right.
+fn strips(bin: &Bin, paint: &Paint, config: &LaneConfig) -> [Mean; 4] {
+    let stations_m = [bin.station_m - config.profile_m / 2.0, bin.station_m + config.profile_m / 2.0];
+    let reach_m = config.half_line_m + 2.0 * config.kerb_within_m;
+    let mut strips = [Mean::default(); 4];
+    for_each_beside(paint, stations_m, bin.counted_m, reach_m, |off_m, height_m| {
         let outwards_m = off_m.abs() - config.half_line_m;
         if outwards_m > 0.0 && outwards_m < 2.0 * config.kerb_within_m {
             let (is_far, is_right) = (outwards_m > config.kerb_within_m, off_m > 0.0);
@@ -178,23 +200,23 @@ fn fill(bin: &mut Bin, paint: &Paint, half_m: f64, config: &LaneConfig) {
                 (true, false) => 2,
                 (true, true) => 3,
             };
-            strips[strip].add(f64::from(point.height_m));
+            strips[strip].add(f64::from(height_m));
         }
-    }
-    [bin.core, bin.beside[0], bin.beside[1]] = shares;
-    bin.strips = strips;
+    });
+    strips
 }
 
 /// Height of the step in the road along a line, metres: by how much the strips
 /// on its both sides differ, and by how much more than the crossfall lets them,
 /// whichever is less. The median of the bins that were seen on both sides; none
 /// where too few were.
-pub fn step_m(bins: &[&Bin], config: &LaneConfig) -> Option<f64> {
+pub fn step_m(bins: &[&Bin], paint: &Paint, config: &LaneConfig) -> Option<f64> {
     // From the middle of one near strip to that of the other, over the
     // distance of the middles of near and far ones.
     let reach = (2.0 * config.half_line_m + config.kerb_within_m) / config.kerb_within_m;
     let of_bin = |bin: &&Bin| {
-        let [Some(far_left), Some(left), Some(right), Some(far_right)] = bin.strips.map(Mean::value) else {
+        let [Some(far_left), Some(left), Some(right), Some(far_right)] = strips(bin, paint, config).map(Mean::value)
+        else {
             return None;
         };
         let (own, fall) = (right - left, f64::midpoint(far_right - right, left - far_left));

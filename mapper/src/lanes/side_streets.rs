@@ -125,20 +125,24 @@ pub fn find_side_lines(cloud: &Cloud, known: &[LanePiece], config: &LaneConfig) 
         ..config.clone()
     };
     let mut searched: Vec<Axis> = Vec::new();
-    let mut lines: Vec<LanePiece> = Vec::new();
     for axis in axes(&spots(cloud, known, config), cloud, config) {
-        if axis.contrast < config.side.least_axis_contrast || searched.iter().any(|other| other.covers(&axis, config)) {
-            continue;
+        if axis.contrast >= config.side.least_axis_contrast && !searched.iter().any(|other| other.covers(&axis, config))
+        {
+            searched.push(axis);
         }
-        searched.push(axis);
+    }
+    let along = |axis: &Axis| {
         let reach = axis.direction * config.window_m;
         let end = |at: Point2<f64>| Point3::new(at.x, 0.0, at.y);
         let path = Path::new(&[end(axis.middle - reach), end(axis.middle + reach)], 0.0);
-        for piece in lines_along(&path, &Paint::beside(cloud, &path, &own), cloud, &own) {
-            let is_free = |p: &Point3<f64>| known.iter().chain(&lines).all(|line| line.distance_m(p) >= config.apart_m);
-            let free = part_aside(&piece, cloud, &is_free, config);
-            lines.extend(free);
-        }
+        lines_along(&path, &Paint::beside(cloud, &path, &own), cloud, &own)
+    };
+    let found: Vec<Vec<LanePiece>> = searched.par_iter().map(along).collect();
+    let mut lines: Vec<LanePiece> = Vec::new();
+    for piece in found.iter().flatten() {
+        let is_free = |p: &Point3<f64>| known.iter().chain(&lines).all(|line| line.distance_m(p) >= config.apart_m);
+        let free = part_aside(piece, cloud, &is_free, config);
+        lines.extend(free);
     }
     lines
 }
@@ -255,6 +259,11 @@ fn best_axis(spots: &[Spot], middle: &Point2<f64>, path: &Vector2<f64>, config: 
             if let Some(count) = votes.get_mut(whole((off_m + reach_m) / cell_m) + beside) {
                 *count = count.saturating_add(1);
             }
+        }
+        // Most directions have too few in every cell.
+        let most = votes.iter().copied().max().unwrap_or(0);
+        if most.saturating_mul(2) < side.fewest_spots {
+            continue;
         }
         let pair = |c: usize| f64::from(votes[c]) + f64::from(votes[c + 1]);
         for c in beside..votes.len() - beside - 1 {

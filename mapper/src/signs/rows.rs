@@ -92,10 +92,12 @@ struct Hit<'a> {
 /// of the scans.
 pub fn rows(cloud: &Cloud, axis: &Axis, heights_m: (f64, f64), lidar: &LidarConfig) -> Vec<Row> {
     let middle = nalgebra::center(&axis.foot, &axis.top);
-    let mut points: Vec<&CloudPoint> = cloud
+    let mut points: Vec<&CloudPoint> = Vec::new();
+    // Not collected: iterators of many short pieces are fast from within only.
+    cloud
         .within_cells(&Point2::new(middle.x, middle.z), (REACH_M / cloud.ground.grid().cell_m).ceil() as usize)
         .filter(|p| (heights_m.0..=heights_m.1).contains(&f64::from(p.height_m)))
-        .collect();
+        .for_each(|p| points.push(p));
     points.sort_by_key(|p| p.scan);
     points.chunk_by(|a, b| a.scan == b.scan).flat_map(|of_scan| rows_of_scan(cloud, axis, of_scan, lidar)).collect()
 }

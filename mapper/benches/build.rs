@@ -17,7 +17,7 @@ use mapper::build::{build, find_lanes};
 use mapper::cloud::Cloud;
 use mapper::drive::Drive;
 use mapper::ground::{Ground, Heights};
-use mapper::poles::{FittedPole, Plumb, Stack, Stacks, find_poles, fit_pole};
+use mapper::poles::{FittedPole, Plumb, Stack, Stacks, Wanted, find_poles, fit_pole};
 use mapper::register::{Registration, refine};
 use mapper::signs::find_signs;
 use mapper::{Config, PoseSource};
@@ -121,10 +121,10 @@ fn stacks(bencher: Bencher) {
 #[divan::bench(sample_count = 20)]
 fn fits(bencher: Bencher) {
     let (cloud, config) = (&CASE.cloud, &CASE.config);
-    let plumb = Plumb::of_map(&config.poles);
+    let (plumb, settings) = (Plumb::of_map(&config.poles), (&config.poles, &config.lidar));
     bencher.counter(ItemsCount::new(CASE.stacks.len())).bench(|| {
         let fit =
-            |stack: &Stack| fit_pole(cloud, cloud.near(&stack.centre), stack, &plumb, &config.poles, &config.lidar);
+            |stack: &Stack| fit_pole(cloud, cloud.near(&stack.centre), stack, &plumb, Wanted::PolesAndFences, settings);
         CASE.stacks.iter().filter_map(fit).count()
     });
 }

@@ -5,6 +5,7 @@ use std::f64::consts::FRAC_PI_4;
 use nalgebra::{Matrix2, Matrix5, Point2, Vector2, Vector5};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use rustc_hash::FxHashMap;
 
 use super::PoleConfig;
 use super::normal::Sums;
@@ -58,15 +59,18 @@ pub(super) struct Axis {
 }
 
 impl Axis {
+    #[inline]
     pub fn at(&self, height: f64) -> Vector2<f64> {
         self.base + self.slope * height
     }
 
+    #[inline]
     pub fn residual(&self, hit: &Hit) -> Vector2<f64> {
         hit.at - (self.at(hit.height) - hit.from_lidar * self.before_m)
     }
 
     /// Distance of a hit from the axis across the view, metres.
+    #[inline]
     pub fn across_m(&self, hit: &Hit) -> f64 {
         (hit.at - self.at(hit.height)).perp(&hit.from_lidar).abs()
     }
@@ -223,23 +227,25 @@ pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, shared: Shared, c
     let shift = config.pose_noise_m.powi(2);
     let of_beam_m2: Vec<f64> =
         hits_of_beam(hits, shared, config).into_iter().map(|count| count * config.beam_noise_m.powi(2)).collect();
+    let value = |h: &Hit| [h.at.dot(&h.from_lidar), h.at.dot(&Vector2::new(-h.from_lidar.y, h.from_lidar.x))];
+    let values: Vec<[f64; 2]> = hits.iter().map(value).collect();
+    let mut of_scans = vec![[none; 2]; scans];
     for _ in 0..8 {
         let radius = radius_across(hits, &axis, config);
         let scale = config.hit_noise_m.powi(2) + (SHELL_SPREAD * radius).powi(2);
         let mut sums = Sums::default();
-        let mut of_scans = vec![[none; 2]; scans];
-        for (hit, of_beam_m2) in hits.iter().zip(&of_beam_m2) {
+        of_scans.fill([none; 2]);
+        for ((hit, of_beam_m2), values) in hits.iter().zip(&of_beam_m2).zip(&values) {
             let scaled = axis.residual(hit).norm_squared() / (scale + shift);
             let robust = (1.0 + scaled / 4.0).powi(2).recip();
             let t = hit.height - middle;
             let along = hit.from_lidar;
             let across = Vector2::new(-along.y, along.x);
-            let (values, weights) =
-                ([hit.at.dot(&along), hit.at.dot(&across)], [robust / (scale + of_beam_m2), robust / scale]);
-            sums.add(&along, t, values, weights);
+            let weights = [robust / (scale + of_beam_m2), robust / scale];
+            sums.add(&along, t, *values, weights);
             // The poles of a scan are seen in one direction: its shift may be
             // told along the view and across it.
-            let rows = [(along, -1.0), (across, 0.0)].into_iter().zip(values).zip(weights);
+            let rows = [(along, -1.0), (across, 0.0)].into_iter().zip(*values).zip(weights);
             for (sum, (((axis, of_surface), value), weight)) in of_scans[usize::from(hit.scan)].iter_mut().zip(rows) {
                 let weighted = axis * weight;
                 sum.row += Vector5::new(weighted.x, weighted.y, weighted.x * t, weighted.y * t, of_surface * weight);
@@ -248,7 +254,8 @@ pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, shared: Shared, c
             }
         }
         let (mut h, mut g) = sums.equations();
-        for sum in of_scans.iter().flatten() {
+        // Most scans see nothing of it.
+        for sum in of_scans.iter().flatten().filter(|sum| sum.weight > 0.0) {
             let known = shift / (1.0 + shift * sum.weight);
             h -= sum.row * sum.row.transpose() * known;
             g -= sum.row * (sum.value * known);
@@ -289,15 +296,12 @@ fn hits_of_beam(hits: &[Hit], shared: Shared, config: &PoleConfig) -> Vec<f64> {
         let scan = if shared == Shared::ByScan { hit.scan } else { 0 };
         (scan, (hit.elevation_rad / config.beam_step_rad).round() as i32)
     };
-    let mut beams: Vec<((u16, i32), usize)> = hits.iter().map(beam).zip(0..).collect();
-    beams.sort_unstable();
-    let mut counts = vec![0.0; hits.len()];
-    for of_beam in beams.chunk_by(|a, b| a.0 == b.0) {
-        for (_, hit) in of_beam {
-            counts[*hit] = of_beam.len() as f64;
-        }
+    let beams: Vec<(u16, i32)> = hits.iter().map(beam).collect();
+    let mut counts: FxHashMap<(u16, i32), u32> = FxHashMap::default();
+    for beam in &beams {
+        *counts.entry(*beam).or_default() += 1;
     }
-    counts
+    beams.iter().map(|beam| counts.get(beam).map_or(0.0, |count| f64::from(*count))).collect()
 }
 
 /// The slope and its covariance from the normal equations of all five; no

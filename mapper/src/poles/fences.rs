@@ -2,9 +2,9 @@
 
 use nalgebra::{Point2, Vector2};
 
-use super::axis::{Axis, Hit};
+use super::axis::Axis;
 use super::{FittedPole, PoleConfig};
-use crate::cloud::Cloud;
+use crate::cloud::{Cloud, CloudPoint};
 
 /// Directions in which a rail is looked for: every 10 degrees, as wide as the
 /// tolerance across it at the far end of its reach.
@@ -18,6 +18,24 @@ const LAYER_M: f64 = 0.15;
 /// posts, by less than a right angle mostly.
 const ON_THE_OTHER_SIDE: f64 = -0.5;
 
+/// Where a point near a pole is, whatever saw it.
+#[derive(Clone, Copy)]
+pub(super) struct Spot {
+    /// Map (x, z), metres.
+    pub at: Vector2<f64>,
+    /// Along -y of the map, metres.
+    pub height: f64,
+    pub above_ground: f64,
+    pub scan: u16,
+}
+
+impl Spot {
+    pub fn new(p: &CloudPoint) -> Self {
+        let at = Vector2::new(p.position.x, p.position.z);
+        Self { at, height: -p.position.y, above_ground: f64::from(p.height_m), scan: p.scan }
+    }
+}
+
 fn ways() -> impl Iterator<Item = Vector2<f64>> {
     (0..DIRECTIONS).map(|k| {
         let angle = k as f64 * std::f64::consts::TAU / DIRECTIONS as f64;
@@ -25,12 +43,17 @@ fn ways() -> impl Iterator<Item = Vector2<f64>> {
     })
 }
 
+/// Whether it is as low as a fence, and nothing on it was put up for the traffic.
+pub(super) fn may_be_of_fence(pole: &FittedPole, config: &PoleConfig) -> bool {
+    pole.is_short(config) && pole.reflectance < config.sheeting_reflectance
+}
+
 /// The direction, map (x, z), of one of the rails that go out from a post to
 /// both sides: hits in one direction and at one height, from its surface on
 /// without a gap, and open above or below. What merely stands behind a post
 /// begins farther off.
 pub(super) fn rail(
-    hits: &[Hit],
+    spots: &[Spot],
     axis: &Axis,
     radius_m: f64,
     (low_m, high_m): (f64, f64),
@@ -43,7 +66,7 @@ pub(super) fn rail(
         return None;
     }
     let layers = (2.0 * (high_m - low_m) / LAYER_M) as usize + 1;
-    let beside: Vec<(Vector2<f64>, usize)> = hits
+    let beside: Vec<(Vector2<f64>, usize)> = spots
         .iter()
         .filter(|h| h.above_ground >= low_m && h.above_ground <= high_m)
         .map(|h| (h.at - axis.at(h.height), (2.0 * (h.above_ground - low_m) / LAYER_M) as usize))
@@ -73,7 +96,7 @@ pub(super) fn rail(
 /// other, go towards it from one side and end at it or at a gap, and it is as
 /// high as they are.
 pub(super) fn ends_fence(cloud: &Cloud, pole: &FittedPole, config: &PoleConfig) -> bool {
-    if !pole.is_short(config) || pole.reflectance >= config.sheeting_reflectance {
+    if !may_be_of_fence(pole, config) {
         return false;
     }
     let (low_m, high_m) = (config.lowest_rail_m, pole.top_height_m + config.fence_height_m);
@@ -139,7 +162,7 @@ fn rails_above_each_other(once: &[u32], twice: &[u32], config: &PoleConfig) -> u
 /// with a rail that are as high as its post. The ends of a row and the sides of
 /// a gap may show no rail of their own.
 pub(super) fn in_fences(poles: &[&FittedPole], config: &PoleConfig) -> Vec<bool> {
-    let is_low = |p: &FittedPole| p.is_short(config) && p.reflectance < config.sheeting_reflectance;
+    let is_low = |p: &FittedPole| may_be_of_fence(p, config);
     let mut rails: Vec<Option<Vector2<f64>>> = poles.iter().map(|p| p.rail.filter(|_| is_low(p))).collect();
     let mut open: Vec<(usize, Vector2<f64>)> = (0..).zip(&rails).filter_map(|(i, r)| Some((i, (*r)?))).collect();
     while let Some((from, way)) = open.pop() {

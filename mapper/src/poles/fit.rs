@@ -3,8 +3,8 @@
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
 use super::axis::{Axis, Hit, Plumb, SHELL_SPREAD, Shared, above, radius_across, ransac, refine, slim};
-use super::fences::rail;
-use super::{PoleConfig, Stack};
+use super::fences::{Spot, may_be_of_fence, rail};
+use super::{PoleConfig, Stack, looks_like_pole};
 use crate::cloud::{Cloud, CloudPoint};
 use crate::lidar::{LidarConfig, View, Viewpoint};
 
@@ -43,7 +43,8 @@ pub struct FittedPole {
     /// Share of its slices in which something reaches from it outwards: rails
     /// of a fence, boards, a hedge that it stands in.
     pub attached_share: f64,
-    /// Direction, map (x, z), in which the rail of a fence goes out from it.
+    /// Direction, map (x, z), in which the rail of a fence goes out from it; none
+    /// of what cannot be of a fence.
     pub rail: Option<Vector2<f64>>,
     /// Largest reflectance that at least three of its points have.
     pub reflectance: f32,
@@ -62,6 +63,16 @@ impl FittedPole {
         self.top_height_m <= config.short_top_m && !self.top_is_open
     }
 
+    /// Puts its ends, at their heights, on an axis.
+    fn put_along(&mut self, axis: &Axis) {
+        for end in [&mut self.foot, &mut self.top] {
+            let at = axis.at(-end.y);
+            (end.x, end.z) = (at.x, at.y);
+        }
+        (self.slope, self.slope_of_hits, self.slope_covariance) =
+            (axis.slope, axis.slope_of_hits, axis.slope_covariance);
+    }
+
     /// Angle of the axis from the vertical of the map, radians.
     pub fn tilt_rad(&self) -> f64 {
         (self.top - self.foot).angle(&-Vector3::y())
@@ -74,19 +85,19 @@ const FEWEST_BESIDE: u32 = 3;
 /// Share of the slices of a pole in which something reaches from it outwards:
 /// points just beside it, seen by more than a quarter of the scans that saw the pole there.
 /// Whoever walks by is there in one scan, and behind a gap it is a background.
-fn attached_share(hits: &[Hit], axis: &Axis, radius_m: f64, (low_m, high_m): (f64, f64), config: &PoleConfig) -> f64 {
+fn attached_share(spots: &[Spot], axis: &Axis, radius_m: f64, (low_m, high_m): (f64, f64), config: &PoleConfig) -> f64 {
     let (from_m, to_m) = (radius_m + config.gap_from_m, radius_m + config.gap_to_m);
     let slice = |above_ground: f64| ((above_ground - low_m) / config.slice_m) as usize;
     let count = slice(high_m) + 1;
     let mut core = vec![(0_u32, 0_u64); count];
     let mut beside = vec![(0_u32, 0_u64); count];
-    for hit in hits.iter().filter(|h| h.above_ground >= low_m && h.above_ground <= high_m) {
-        let off = (hit.at - axis.at(hit.height)).norm();
+    for spot in spots.iter().filter(|s| s.above_ground >= low_m && s.above_ground <= high_m) {
+        let off = (spot.at - axis.at(spot.height)).norm();
         if off < to_m {
             let of = if off < from_m { &mut core } else { &mut beside };
-            let cell = &mut of[slice(hit.above_ground)];
+            let cell = &mut of[slice(spot.above_ground)];
             cell.0 += 1;
-            cell.1 |= 1 << (hit.scan % 64);
+            cell.1 |= 1 << (spot.scan % 64);
         }
     }
     let is_attached = |(core, beside): &(&(u32, u64), &(u32, u64))| {
@@ -97,16 +108,36 @@ fn attached_share(hits: &[Hit], axis: &Axis, radius_m: f64, (low_m, high_m): (f6
     core.iter().zip(&beside).filter(is_attached).count() as f64 / count as f64
 }
 
-/// Fits a pole to a stack; none where no axis describes its points.
+/// What fits are wanted for: of what is not wanted no more is found out than
+/// tells that.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wanted {
+    /// Poles.
+    Poles,
+    /// Poles, and what may stand in a fence: it may carry its rail on to poles.
+    PolesAndFences,
+}
+
+impl Wanted {
+    /// Whether what was fitted to a stack may be wanted, however it leans.
+    fn may_be(self, pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {
+        looks_like_pole(pole, stack, config) || (self == Self::PolesAndFences && may_be_of_fence(pole, config))
+    }
+}
+
+/// Fits a pole to a stack; none where no axis describes its points, and where
+/// these show that it is not wanted.
 pub fn fit_pole<'a>(
     cloud: &Cloud,
-    near: impl Iterator<Item = &'a CloudPoint>,
+    points: impl Iterator<Item = &'a CloudPoint>,
     stack: &Stack,
     plumb: &Plumb,
-    config: &PoleConfig,
-    lidar: &LidarConfig,
+    wanted: Wanted,
+    (config, lidar): (&PoleConfig, &LidarConfig),
 ) -> Option<FittedPole> {
-    let near: Vec<CloudPoint> = near.copied().collect();
+    let mut near: Vec<CloudPoint> = Vec::new();
+    // Not collected: iterators of many short pieces are fast from within only.
+    points.for_each(|p| near.push(*p));
     let at = |p: &CloudPoint| Vector2::new(p.position.x, p.position.z);
     let in_run: Vec<Hit> = near
         .iter()
@@ -140,99 +171,130 @@ pub fn fit_pole<'a>(
     if free.len() < config.fewest_points {
         return None;
     }
-    let axis = refined(&free, axis);
-    let post = slim(&free, &axis, config);
+    let free = Free::new(free, config);
+    if wanted == Wanted::Poles && !free.may_be_pole(config) {
+        return None;
+    }
+    let axis = refined(&free.hits, axis);
+    let post = slim(&free.hits, &axis, config);
     let axis = refined(&post, axis);
-    let post = slim(&free, &axis, config);
+    let post = slim(&free.hits, &axis, config);
     let axis = refined(&post, axis);
-    let stands = refine(&post, axis, plumb, Shared::ByLaser, config);
-    let reach_m = radius_across(&post, &axis, config) + config.gap_to_m.max(config.gap_from_m + config.rail_m);
-    let around: Vec<Hit> = near.iter().filter(|p| is_beside(p, &axis, reach_m)).map(|p| Hit::new(p, cloud)).collect();
-    describe(cloud, &Seen { hits: &around, run, free: &free, post: &post }, &axis, &stands, config, lidar)
+    let mut pole = describe(cloud, &Seen { run, free: &free, post: &post }, &axis, config, lidar)?;
+    // So far as if nothing were attached: whatever is makes it less of a pole.
+    if !wanted.may_be(&pole, stack, config) {
+        return None;
+    }
+    let reach_m = pole.radius_m + config.gap_to_m.max(config.gap_from_m + config.rail_m);
+    let around: Vec<Spot> = near.iter().filter(|p| is_beside(p, &axis, reach_m)).map(Spot::new).collect();
+    let ends_m = (run.first()?.above_ground, run.last()?.above_ground);
+    pole.attached_share = attached_share(&around, &axis, pole.radius_m, ends_m, config);
+    if !wanted.may_be(&pole, stack, config) {
+        return None;
+    }
+    if may_be_of_fence(&pole, config) {
+        pole.rail = rail(&around, &axis, pole.radius_m, ends_m, config);
+    }
+    pole.put_along(&refine(&post, axis, plumb, Shared::ByLaser, config));
+    Some(pole)
 }
 
 /// Far more than distances that are computed in two ways differ by, metres.
 const ROUNDING_M: f64 = 1e-6;
 
-/// The hits on and around a pole.
+/// The hits along an axis with free space around.
+struct Free {
+    hits: Vec<Hit>,
+    /// Scans that they are from.
+    scans: usize,
+    /// Slices that they lie in, from below.
+    slices: Vec<i64>,
+}
+
+impl Free {
+    fn new(hits: Vec<Hit>, config: &PoleConfig) -> Self {
+        let mut scans: Vec<u16> = hits.iter().map(|h| h.scan).collect();
+        scans.sort_unstable();
+        scans.dedup();
+        let mut slices: Vec<i64> = hits.iter().map(|h| (h.above_ground / config.slice_m).floor() as i64).collect();
+        slices.sort_unstable();
+        slices.dedup();
+        Self { hits, scans: scans.len(), slices }
+    }
+
+    fn length_m(&self, config: &PoleConfig) -> f64 {
+        self.slices.len() as f64 * config.slice_m
+    }
+
+    /// Whether enough is free of it, seen by enough scans: part of
+    /// [`looks_like_pole`], asked before its axis is known well.
+    fn may_be_pole(&self, config: &PoleConfig) -> bool {
+        self.scans >= config.fewest_scans
+            && self.length_m(config) >= config.least_free_m.min(config.least_free_hanging_m)
+    }
+}
+
+/// The hits on a pole.
 struct Seen<'a> {
-    /// All around it, as far as rails and what is attached are looked for.
-    hits: &'a [Hit],
     /// Those along its axis, from below.
     run: &'a [Hit],
     /// Of these, those with free space around.
-    free: &'a [Hit],
+    free: &'a Free,
     /// Of these, those on the post itself.
     post: &'a [Hit],
 }
 
-/// Describes what is seen of a pole by the axis that fits it best, and how it
-/// stands by the one that knows how lasers err.
-fn describe(
-    cloud: &Cloud,
-    seen: &Seen,
-    axis: &Axis,
-    stands: &Axis,
-    config: &PoleConfig,
-    lidar: &LidarConfig,
-) -> Option<FittedPole> {
+/// Describes what is seen of a pole by the axis that fits it best, but for what
+/// is attached to it and for how it stands.
+fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar: &LidarConfig) -> Option<FittedPole> {
     let residuals: f64 = seen.post.iter().map(|h| axis.residual(h).norm_squared()).sum();
     let radius_m = radius_across(seen.post, axis, config);
     let beams = seen.post.iter().map(|h| (config.beam_rad * h.range).powi(2)).sum::<f64>();
     let explained = (SHELL_SPREAD * radius_m).powi(2) + beams / seen.post.len() as f64;
-    let mut scans: Vec<u16> = seen.free.iter().map(|h| h.scan).collect();
-    scans.sort_unstable();
-    scans.dedup();
-    let mut slices: Vec<i64> = seen.free.iter().map(|h| (h.above_ground / config.slice_m).floor() as i64).collect();
-    slices.sort_unstable();
-    slices.dedup();
-
     let mut bright: Vec<f32> = seen.run.iter().map(|h| h.reflectance).collect();
     bright.sort_by(|a, b| b.total_cmp(a));
-    let point = |height: f64| {
-        let at = stands.at(height);
-        Point3::new(at.x, -height, at.y)
-    };
-    let (first, last) = (seen.run.first()?, seen.run.last()?);
-    let (lowest, highest) = (first.height, last.height);
+    let (lowest, highest) = (seen.run.first()?.height, seen.run.last()?.height);
     let foot = ground_under(cloud, axis, lowest, config)?;
     let mut foot_height_m = lowest - foot;
     if foot_height_m < config.foot_m {
         foot_height_m = 0.0;
     }
-    let ends_m = (first.above_ground, last.above_ground);
     let middle = axis.at(f64::midpoint(lowest, highest));
     let view = viewpoints(cloud, middle, config, lidar);
     let near =
         cloud.sensors.iter().filter(|s| (Vector2::new(s.at.x, s.at.z) - middle).norm() < config.farthest_m).count();
     let width_m = 2.0 * radius_m;
-    let expected: f64 = slices
+    let expected: f64 = seen
+        .free
+        .slices
         .iter()
         .map(|s| foot + (*s as f64 + 0.5) * config.slice_m)
         .map(|height| view.expected(height, config.slice_m, width_m))
         .sum();
-    let hit: f64 = seen.free.iter().map(|h| cloud.view_weight[usize::from(h.scan)]).sum();
-    Some(FittedPole {
-        foot: point(foot),
-        top: point(highest),
+    let hit: f64 = seen.free.hits.iter().map(|h| cloud.view_weight[usize::from(h.scan)]).sum();
+    let mut pole = FittedPole {
+        foot: Point3::new(0.0, -foot, 0.0),
+        top: Point3::new(0.0, -highest, 0.0),
         foot_height_m,
         top_height_m: highest - foot,
         radius_m,
         spread_m: (residuals / seen.post.len() as f64 - explained).max(0.0).sqrt(),
-        points: seen.free.len(),
-        scans: scans.len(),
+        points: seen.free.hits.len(),
+        scans: seen.free.scans,
         scans_near: near,
         visibility: hit / expected.max(1.0),
         was_near: expected >= 1.0,
-        free_m: slices.len() as f64 * config.slice_m,
+        free_m: seen.free.length_m(config),
         top_is_open: highest > view.ceiling() - config.open_top_m,
-        attached_share: attached_share(seen.hits, axis, radius_m, ends_m, config),
-        rail: rail(seen.hits, axis, radius_m, ends_m, config),
+        attached_share: 0.0,
+        rail: None,
         reflectance: bright.get(2).copied().unwrap_or(0.0),
-        slope: stands.slope,
-        slope_of_hits: stands.slope_of_hits,
-        slope_covariance: stands.slope_covariance,
-    })
+        slope: axis.slope,
+        slope_of_hits: axis.slope_of_hits,
+        slope_covariance: axis.slope_covariance,
+    };
+    pole.put_along(axis);
+    Some(pole)
 }
 
 fn viewpoints<'a>(cloud: &Cloud, at: Vector2<f64>, config: &PoleConfig, lidar: &'a LidarConfig) -> View<'a> {

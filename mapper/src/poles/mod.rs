@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 pub use axis::Plumb;
 pub use config::PoleConfig;
-pub use fit::{FittedPole, fit_pole};
+pub use fit::{FittedPole, Wanted, fit_pole};
 pub use stacks::{Stack, Stacks};
 
 use crate::cloud::{Cloud, CloudPoint};
@@ -37,21 +37,21 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
         .chain(stacks.find_before(config))
         .chain(under_reflectors(cloud, config))
         .collect();
-    let fit = |plumb: &Plumb| -> Vec<(FittedPole, bool)> {
+    let fit = |plumb: &Plumb, wanted: Wanted| -> Vec<(FittedPole, bool)> {
         places
             .par_iter()
             .filter_map(|stack| {
-                let pole = fit_pole(cloud, cloud.near(&stack.centre), stack, plumb, config, lidar)?;
+                let pole = fit_pole(cloud, cloud.near(&stack.centre), stack, plumb, wanted, (config, lidar))?;
                 let is_pole = is_pole(&pole, stack, config) && !is_of_what_is_behind(&pole, stack, &stacks, config);
                 Some((pole, is_pole))
             })
             .collect()
     };
     // How all of them stand tells how a short one does.
-    let first = fit(&Plumb::of_map(config));
+    let first = fit(&Plumb::of_map(config), Wanted::Poles);
     let slopes: Vec<_> =
         first.iter().filter(|(_, is_pole)| *is_pole).map(|(p, _)| (p.slope_of_hits, p.slope_covariance)).collect();
-    let fitted = fit(&Plumb::of_poles(&slopes, config));
+    let fitted = fit(&Plumb::of_poles(&slopes, config), Wanted::PolesAndFences);
     // What is no pole itself may still carry the rail that goes on to others.
     let fenced = in_fences(&fitted.iter().map(|(pole, _)| pole).collect::<Vec<_>>(), config);
     let mut kept: Vec<(PoleKind, FittedPole)> = Vec::new();
@@ -106,6 +106,11 @@ fn middle_of(points: &[&CloudPoint], value: impl Fn(&CloudPoint) -> f64) -> Opti
 }
 
 fn is_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {
+    pole.tilt_rad() <= config.largest_tilt_rad && looks_like_pole(pole, stack, config)
+}
+
+/// Whether something is a pole but for its tilt.
+fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {
     let free_share = pole.free_m / (pole.top_height_m - pole.foot_height_m);
     let least_free_m = if pole.foot_height_m > 0.0 { config.least_free_hanging_m } else { config.least_free_m };
     // Whatever carries retro-reflective sheeting was put up for the traffic.
@@ -120,9 +125,9 @@ fn is_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {
     let is_short = pole.is_short(config);
     // What stands amid something is hidden by it, unless it is a part of it.
     let is_amid = stack.is_before || pole.attached_share > config.largest_attached_share;
+    let least_visibility_amid = config.least_visibility_before.max(config.least_visibility);
     let highest_foot_m = if is_equipment { config.highest_foot_sign_m } else { config.highest_foot_m };
-    pole.tilt_rad() <= config.largest_tilt_rad
-        && (is_equipment || pole.attached_share <= largest_attached_share(pole, stack, config))
+    (is_equipment || pole.attached_share <= largest_attached_share(pole, stack, config))
         && (is_equipment || !is_short || pole.radius_m <= config.thickest_short_m)
         && pole.spread_m <= largest_spread_m(pole, config)
         && pole.radius_m <= config.thickest_m
@@ -130,7 +135,7 @@ fn is_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {
         && (pole.reflectance >= config.least_reflectance || !is_glimpse(pole, config))
         && (pole.was_near || pole.foot_height_m <= 0.0)
         && pole.foot_height_m <= highest_foot_m
-        && pole.visibility >= if is_amid { config.least_visibility_before } else { config.least_visibility }
+        && pole.visibility >= if is_amid { least_visibility_amid } else { config.least_visibility }
         && pole.top_height_m >= config.lowest_top_m
         && pole.free_m >= least_free_m
         && free_share >= least_share

@@ -22,6 +22,7 @@ pub(super) struct Sums {
 impl Sums {
     /// Adds the rows of a hit with their values and weights: along a direction,
     /// where `s` is -1, and across it, where it is 0.
+    #[inline]
     pub fn add(&mut self, along: &Vector2<f64>, t: f64, values: [f64; 2], weights: [f64; 2]) {
         let (x, y) = (along.x, along.y);
         let [of_along, of_across] = weights;

@@ -97,6 +97,42 @@ fn post_by_rails(from_m: f64, rails_m: &[f64], scans: u16) -> usize {
 }
 
 #[test]
+fn fits_that_end_early_are_of_what_is_no_pole_and_the_others_are_whole() {
+    let mut street = Street::new();
+    street.add_wall(-6.9, 10.0..40.0, 3.0);
+    let foot = |x: f64, z: f64| Point3::new(x, CAMERA_HEIGHT_M, z);
+    post(&mut street, foot(-6.0, 25.0), 2.5, 0.05);
+    post(&mut street, foot(5.0, 33.0), 3.0, 0.05);
+    // A stub, and a fence.
+    post(&mut street, foot(5.0, 40.0), 0.5, 0.05);
+    for k in 0..3 {
+        post(&mut street, foot(6.0, 20.0 + 2.0 * f64::from(k)), 1.1, 0.04);
+    }
+    for (scan, (i, up)) in
+        (0..10_u16).flat_map(|scan| (0..200).flat_map(|i| [(i, 0.55), (i, 1.0)]).map(move |at| (scan, at)))
+    {
+        street.add(foot(6.0, 19.5 + f64::from(i) * 0.025) - nalgebra::Vector3::new(0.0, up, 0.0), scan, 0.3, None);
+    }
+    let (cloud, config, lidar) = (street.cloud(), PoleConfig::default(), LidarConfig::default());
+    let stacks = Stacks::new(&cloud.points, cloud.ground.grid(), &config);
+    let fit = |stack: &Stack, wanted: Wanted| {
+        fit_pole(&cloud, cloud.near(&stack.centre), stack, &Plumb::of_map(&config), wanted, (&config, &lidar))
+    };
+    let (mut whole, mut ended) = (0, 0);
+    for stack in stacks.find(&config).iter().chain(&stacks.find_before(&config)) {
+        let (pole, any) = (fit(stack, Wanted::Poles), fit(stack, Wanted::PolesAndFences));
+        if pole.is_some() {
+            assert_eq!(pole, any, "what is wanted else changes nothing of it");
+            whole += 1;
+        } else if let Some(any) = any {
+            assert!(!is_pole(&any, stack, &config), "{any:?}");
+            ended += 1;
+        }
+    }
+    assert!(whole >= 2 && ended >= 1, "{whole} {ended}");
+}
+
+#[test]
 fn the_last_post_of_a_fence_is_no_pole_and_one_with_less_beside_it_is() {
     assert_eq!(post_by_rails(0.05, &[0.5, 1.0], 10), 0);
     // Across a gate.

@@ -104,9 +104,6 @@ fn around(inner_m: f64, outer_m: f64, cell_m: f64) -> Vec<(isize, isize)> {
         .collect()
 }
 
-/// Points that are put into columns at a time.
-const PART: usize = 1 << 14;
-
 /// Parts in which the ring around a column is looked at.
 const RING_PARTS: usize = 6;
 
@@ -124,13 +121,9 @@ impl Stacks {
             (slice >= 0.0 && slice < SLICES as f64)
                 .then(|| grid.index(&Point2::new(p.position.x, p.position.z)))
                 .flatten()
-                .map(|column| (column as u32, slice as u8))
+                .map(|column| (Some(column), slice as u8))
         };
-        // Found once: the sort asks twice.
-        let of_part = |part: &[CloudPoint]| part.iter().filter_map(place).collect();
-        let parts: Vec<Vec<(u32, u8)>> = points.par_chunks(PART).map(of_part).collect();
-        let of_column = |(column, slice): &(u32, u8)| (Some(*column as usize), *slice);
-        let slices = ByCell::new(&grid, parts.iter().flatten().map(of_column));
+        let slices = ByCell::new(&grid, points.iter().filter_map(place));
         Self { grid, slices, lowest_m: config.lowest_m, slice_m: config.slice_m }
     }
 

@@ -92,6 +92,8 @@ pub const LIMITS: &[Limits] = &[
     limits("fuse.lane_step_m", 0.1, 50.0),
     limits("fuse.*_m", 0.0, 100.0),
     limits("budget.place_step_m", 0.5, 1000.0),
+    // Shares of images.
+    limits("budget.found.*s", 0.0, 1.0),
     limits("budget.*_m", 0.0, 1000.0),
 ];
 

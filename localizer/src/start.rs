@@ -17,7 +17,7 @@ use nalgebra::{Matrix6, Point3, Vector6};
 use serde::{Deserialize, Serialize};
 
 use crate::associate::matching::Scene;
-use crate::associate::robust::{Associator, Refined, RobustConfig};
+use crate::associate::robust::{Associator, Question, Refined, RobustConfig};
 use crate::filter::State;
 use crate::local_map::{LocalMap, PathPlace, RoadKey};
 use crate::solver::{Prior, SolverConfig};
@@ -224,6 +224,7 @@ impl Search {
         }
         let gate_of = |sigmas: &Vector6<f64>| Matrix6::from_diagonal(&sigmas.component_mul(sigmas));
         let gate = gate_of(&gate_sigmas);
+        let question = Question { scene, gate_covariance: &gate, prior: &prior, config: robust, solver };
         let mut found: Vec<Refined> = Vec::new();
         let mut tried: Vec<Pose> = Vec::new();
         for cell in &self.cells.all {
@@ -236,14 +237,14 @@ impl Search {
             }
             tried.push(cell.pose);
             if !self.cells.are_on_roads {
-                found.extend(associator.refine(scene, &cell.pose, &gate, &prior, robust, solver));
+                found.extend(associator.refine(&question, &cell.pose));
                 continue;
             }
             // The rough pose's axes say nothing round the next corner: the
             // prior is the cell with its share of what the rough pose allows.
             let near = gate_of(&(gate_sigmas * 2.0));
             let refined = Prior::new(cell.pose, &near)
-                .and_then(|prior| associator.refine(scene, &cell.pose, &gate, &prior, robust, solver));
+                .and_then(|prior| associator.refine(&Question { prior: &prior, ..question }, &cell.pose));
             let share_ln = 0.5 * (near.determinant().ln() - covariance.determinant().ln());
             found.extend(refined.map(|refined| Refined {
                 prior_cost: refined.prior_cost - cell.prior,

@@ -121,10 +121,11 @@ fn stacks(bencher: Bencher) {
 #[divan::bench(sample_count = 20)]
 fn fits(bencher: Bencher) {
     let (cloud, config) = (&CASE.cloud, &CASE.config);
-    let (plumb, settings) = (Plumb::of_map(&config.poles), (&config.poles, &config.lidar));
+    let (plumb, wanted) = (Plumb::of_map(&config.poles), Wanted::PolesAndFences);
     bencher.counter(ItemsCount::new(CASE.stacks.len())).bench(|| {
-        let fit =
-            |stack: &Stack| fit_pole(cloud, cloud.near(&stack.centre), stack, &plumb, Wanted::PolesAndFences, settings);
+        let fit = |stack: &Stack| {
+            fit_pole(cloud, cloud.near(&stack.centre), stack, &plumb, wanted, &config.poles, &config.lidar)
+        };
         CASE.stacks.iter().filter_map(fit).count()
     });
 }

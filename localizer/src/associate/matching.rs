@@ -195,8 +195,13 @@ impl Look<'_> {
     /// Standard deviation of a point (camera axes) along a direction in the
     /// image, pixels.
     fn sigma_px(&self, p: &Vector3<f64>, normal: &Vector2<f64>) -> f64 {
-        let row = self.view.jacobian_row(p, normal);
-        row.dot(&times(self.covariance, &row)).max(0.0).sqrt()
+        self.row_sigma_px(&self.view.jacobian_row(p, normal))
+    }
+
+    /// Standard deviation that the pose's covariance gives to a distance with
+    /// this derivative, pixels.
+    fn row_sigma_px(&self, row: &Vector6<f64>) -> f64 {
+        row.dot(&times(self.covariance, row)).max(0.0).sqrt()
     }
 
     /// No less than [`Self::sigma_px`], and sooner known.

@@ -91,6 +91,22 @@ impl Refined {
     }
 }
 
+/// What a pose is asked of.
+#[derive(Debug, Clone, Copy)]
+pub struct Question<'a> {
+    /// What is seen, and what may be.
+    pub scene: &'a Scene<'a>,
+    /// How well the pose is known that the matching starts from (camera
+    /// tangent).
+    pub gate_covariance: &'a Matrix6<f64>,
+    /// The belief about the pose.
+    pub prior: &'a Prior,
+    /// How it is matched.
+    pub config: &'a RobustConfig,
+    /// How it is solved.
+    pub solver: &'a SolverConfig,
+}
+
 /// Buffers of the association.
 #[derive(Debug, Clone, Default)]
 pub struct Associator {
@@ -107,35 +123,22 @@ pub struct Associator {
 }
 
 impl Associator {
-    /// Associates and localizes from `start`, known to `gate_covariance`
-    /// (camera tangent), with `prior` as the belief about the pose.
+    /// Associates and localizes from `start`.
     ///
     /// Returns none where the prior's information is no covariance.
-    pub fn refine(
-        &mut self,
-        scene: &Scene<'_>,
-        start: &Pose,
-        gate_covariance: &Matrix6<f64>,
-        prior: &Prior,
-        config: &RobustConfig,
-        solver: &SolverConfig,
-    ) -> Option<Refined> {
-        self.refine_unless(scene, start, gate_covariance, prior, config, solver, |_| false)
+    pub fn refine(&mut self, question: &Question<'_>, start: &Pose) -> Option<Refined> {
+        self.refine_unless(question, start, |_| false)
     }
 
     /// As [`Self::refine`], but none, too, as soon as a round leads to a pose
     /// that `is_known`.
-    #[allow(clippy::too_many_arguments, reason = "those of `refine`, and one more")]
     pub fn refine_unless(
         &mut self,
-        scene: &Scene<'_>,
+        question: &Question<'_>,
         start: &Pose,
-        gate_covariance: &Matrix6<f64>,
-        prior: &Prior,
-        config: &RobustConfig,
-        solver: &SolverConfig,
         is_known: impl Fn(&Pose) -> bool,
     ) -> Option<Refined> {
+        let Question { scene, gate_covariance, prior, config, solver } = *question;
         let prior_factor = Cholesky::new(prior.information)?;
         let prior_covariance = prior_factor.inverse();
         let mut gate = *gate_covariance;
@@ -206,20 +209,13 @@ impl Associator {
     /// finds more of its kind.
     ///
     /// Returns none where the prior's information is no covariance.
-    pub fn refine_predicted(
-        &mut self,
-        scene: &Scene<'_>,
-        covariance: &Matrix6<f64>,
-        prior: &Prior,
-        config: &RobustConfig,
-        separation: &SeparationConfig,
-        solver: &SolverConfig,
-    ) -> Option<Refined> {
+    pub fn refine_predicted(&mut self, question: &Question<'_>, separation: &SeparationConfig) -> Option<Refined> {
+        let Question { scene, gate_covariance, prior, config, solver } = *question;
         let predicted = prior.map_from_camera;
-        let mut best = self.refine(scene, &predicted, covariance, prior, config, solver)?;
+        let mut best = self.refine(question, &predicted)?;
         let doubted = best.prior_cost > config.doubted_cost || self.matcher.worth() < config.doubted_worth;
         self.believed.clone_from(&self.matcher.matches);
-        let narrow = covariance * config.narrow_share;
+        let narrow = gate_covariance * config.narrow_share;
         if !doubted {
             // Where the same matches lie nearest to the prediction, it ends here.
             self.matcher.find(scene, &predicted, &narrow);
@@ -237,7 +233,8 @@ impl Associator {
         let without = std::mem::take(&mut self.balance.moved);
         let far = without.iter().filter(|(cost, _)| *cost > config.least_move).map(|&(_, pose)| pose);
         for start in std::iter::once(predicted).chain(far.take(config.left_out)) {
-            let Some(other) = self.refine(scene, &start, &narrow, prior, config, solver) else { continue };
+            let narrowly = Question { gate_covariance: &narrow, ..*question };
+            let Some(other) = self.refine(&narrowly, &start) else { continue };
             if other.evidence() > best.evidence() {
                 best = other;
                 self.believed.clone_from(&self.matcher.matches);

@@ -96,6 +96,14 @@ impl Cell {
     }
 }
 
+/// A frame seen from a cell.
+struct Look<'a> {
+    scene: &'a Scene<'a>,
+    view: View,
+    cell: Cell,
+    config: &'a StartConfig,
+}
+
 /// The sum of logarithms, of which few are taken.
 #[derive(Debug, Clone, Copy)]
 struct Product {
@@ -151,10 +159,11 @@ impl Field {
     /// that fits it best.
     pub fn score(&mut self, scene: &Scene<'_>, pose: &Pose, sigmas: &Vector6<f64>, config: &StartConfig) -> f64 {
         let (view, cell) = (View::new(scene.camera, pose), Cell::new(sigmas, scene.camera.fx_px));
+        let look = Look { scene, view, cell, config };
         let mut unseen = Product::ONE;
-        let gains = self.score_poles(scene, &view, &cell, config, &mut unseen)
-            + self.score_signs(scene, &view, &cell, config, &mut unseen)
-            + self.score_lanes(scene, &view, &cell, config, &mut unseen);
+        let gains = self.score_poles(&look, &mut unseen)
+            + self.score_signs(&look, &mut unseen)
+            + self.score_lanes(&look, &mut unseen);
         unseen.ln() + gains
     }
 
@@ -168,14 +177,8 @@ impl Field {
         self.gains.iter().sum()
     }
 
-    fn score_poles(
-        &mut self,
-        scene: &Scene<'_>,
-        view: &View,
-        cell: &Cell,
-        config: &StartConfig,
-        unseen: &mut Product,
-    ) -> f64 {
+    fn score_poles(&mut self, look: &Look<'_>, unseen: &mut Product) -> f64 {
+        let Look { scene, view, cell, config } = look;
         self.begin(self.poles.len());
         let (camera, focal_px) = (scene.camera, scene.camera.fx_px);
         let clutter_per_px = self.poles.len().max(1) as f64 / scene.image.width_px;
@@ -224,14 +227,8 @@ impl Field {
         self.total()
     }
 
-    fn score_signs(
-        &mut self,
-        scene: &Scene<'_>,
-        view: &View,
-        cell: &Cell,
-        config: &StartConfig,
-        unseen: &mut Product,
-    ) -> f64 {
+    fn score_signs(&mut self, look: &Look<'_>, unseen: &mut Product) -> f64 {
+        let Look { scene, view, cell, config } = look;
         self.begin(scene.features.signs.len());
         let focal_px = scene.camera.fx_px;
         let clutter_per_px2 = scene.features.signs.len().max(1) as f64 / (scene.image.width_px * scene.image.height_px);
@@ -271,14 +268,8 @@ impl Field {
         self.total()
     }
 
-    fn score_lanes(
-        &mut self,
-        scene: &Scene<'_>,
-        view: &View,
-        cell: &Cell,
-        config: &StartConfig,
-        unseen: &mut Product,
-    ) -> f64 {
+    fn score_lanes(&mut self, look: &Look<'_>, unseen: &mut Product) -> f64 {
+        let Look { scene, view, cell, config } = look;
         self.begin(self.lanes.len());
         let clutter_per_px = self.lanes.len().max(1) as f64 / scene.image.width_px;
         for lane in &scene.candidates.lanes {

@@ -5,7 +5,7 @@ use nalgebra::{Cholesky, Point3};
 use serde::{Deserialize, Serialize};
 
 use crate::associate::matching::Scene;
-use crate::associate::robust::{Associator, Refined};
+use crate::associate::robust::{Associator, Question, Refined};
 use crate::config::Config;
 use crate::estimate::Correspondence;
 use crate::filter::State;
@@ -329,8 +329,14 @@ impl Hypothesis {
         let predicted = self.state.map_from_camera;
         self.predicted.clone_from(&self.state);
         let prior = Prior::new(predicted, &covariance)?;
-        let (robust, separation) = (&config.robust, &config.separation);
-        let refined = associator.refine_predicted(scene, &covariance, &prior, robust, separation, &config.solver)?;
+        let question = Question {
+            scene,
+            gate_covariance: &covariance,
+            prior: &prior,
+            config: &config.robust,
+            solver: &config.solver,
+        };
+        let refined = associator.refine_predicted(&question, &config.separation)?;
         let beyond = (self.off_road_m - config.bank.road_m).max(0.0) / config.bank.off_road_sigma_m;
         let off_road = (0.5 * beyond * beyond).min(config.bank.max_surprise);
         let against = off_road + self.state.surprise.min(config.bank.max_surprise);

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::hypothesis::Hypothesis;
 use crate::associate::matching::Scene;
-use crate::associate::robust::{Associator, Refined};
+use crate::associate::robust::{Associator, Question, Refined};
 use crate::config::Config;
 use crate::preselect::Reach;
 use crate::solver::Prior;
@@ -74,12 +74,29 @@ impl Default for RivalConfig {
 }
 
 impl RivalConfig {
+    /// How far a pose lies from another, metres; a turn counts by how it shifts
+    /// what is [`Self::lever_m`] ahead.
+    fn distance_m(&self, from: &Pose, to: &Pose) -> f64 {
+        let off = local(from, to);
+        let turned_m = off.fixed_rows::<3>(3).norm() * self.lever_m;
+        off.fixed_rows::<3>(0).norm().max(turned_m)
+    }
+
     /// How far the shifted poses lie around one with this covariance.
     pub fn reach(&self, covariance: &Matrix6<f64>) -> Reach {
         let own = Reach::of_covariance(covariance);
         let most_m = self.sideways_m.iter().chain(&self.along_m).fold(0.0_f64, |most, m| most.max(m.abs()));
         Reach { position_m: own.position_m + most_m, angle_rad: own.angle_rad + 0.05 }
     }
+}
+
+fn question<'a>(
+    scene: &'a Scene<'a>,
+    gate_covariance: &'a Matrix6<f64>,
+    prior: &'a Prior,
+    config: &'a Config,
+) -> Question<'a> {
+    Question { scene, gate_covariance, prior, config: &config.robust, solver: &config.solver }
 }
 
 /// The direction in which the place on the road is least certain, as a shift
@@ -125,17 +142,13 @@ pub fn find(
         (associator.matcher.support(scene, &shifted, &covariance), shifted)
     }));
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let distance_m = |other: &Pose| {
-        let off = local(&pose, other);
-        let turned_m = off.fixed_rows::<3>(3).norm() * rivals.lever_m;
-        off.fixed_rows::<3>(0).norm().max(turned_m)
-    };
-    let is_best = |other: &Pose| distance_m(other) < rivals.same_m;
+    let is_best = |other: &Pose| rivals.distance_m(&pose, other) < rivals.same_m;
     for &(_, shifted) in scored.iter().take(rivals.refined) {
         let Some(prior) = Prior::new(shifted, &covariance) else { continue };
-        let (robust, solver) = (&config.robust, &config.solver);
-        let refined = associator.refine_unless(scene, &shifted, &covariance, &prior, robust, solver, is_best);
-        found.extend(refined.filter(|refined| distance_m(&refined.map_from_camera) >= rivals.distinct_m));
+        let question = question(scene, &covariance, &prior, config);
+        let refined = associator.refine_unless(&question, &shifted, is_best);
+        let is_distinct = |r: &Refined| rivals.distance_m(&pose, &r.map_from_camera) >= rivals.distinct_m;
+        found.extend(refined.filter(is_distinct));
     }
     associator.scored = scored;
 }
@@ -159,8 +172,6 @@ pub fn find_loose(
     let sigmas = Vector6::new(m, sigma(1, height_m), m, sigma(3, tilt_rad), rad, sigma(5, tilt_rad));
     let covariance = Matrix6::from_diagonal(&sigmas.component_mul(&sigmas));
     let prior = Prior::new(pose, &covariance)?;
-    let refined = associator.refine(scene, &pose, &covariance, &prior, &config.robust, &config.solver)?;
-    let off = local(&pose, &refined.map_from_camera);
-    let turned_m = off.fixed_rows::<3>(3).norm() * rivals.lever_m;
-    (off.fixed_rows::<3>(0).norm().max(turned_m) >= rivals.loose_distinct_m).then_some(refined)
+    let refined = associator.refine(&question(scene, &covariance, &prior, config), &pose)?;
+    (rivals.distance_m(&pose, &refined.map_from_camera) >= rivals.loose_distinct_m).then_some(refined)
 }

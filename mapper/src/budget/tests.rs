@@ -106,12 +106,12 @@ fn marks_are_kept_where_they_are_read() {
     };
     let (read, unread) = (reduced(0.75, usize::MAX), reduced(0.0, usize::MAX));
     assert!(read.predicted.longitudinal_m.median < 0.5 * unread.predicted.longitudinal_m.median);
-    let marks = |marks: f64| {
+    let kept = |marks: f64| {
         let map = reduced(marks, read.bytes.len() - 8).map;
         (map.lanes.len(), map.lanes.iter().map(|lane| lane.marks_m.len()).sum::<usize>())
     };
-    assert!(marks(0.75).1 > 0);
-    assert_eq!(marks(0.0), (2, 0));
+    assert!(kept(0.75).1 > 0);
+    assert_eq!(kept(0.0), (2, 0));
 }
 
 #[test]

@@ -40,7 +40,7 @@ fn describe(chain: &Chain, paint: &Paint, path: &Path, cloud: &Cloud, config: &L
     }
     let described = |(kind, range): (LaneKind, std::ops::Range<usize>)| {
         let marks_m = marks(kind, &bins[range.clone()], shares, paint, config);
-        Some(LanePiece { marks_m, ..piece(kind, &bins[range], (path, paint), cloud, config)? })
+        Some(LanePiece { marks_m, ..piece(kind, &bins[range], path, paint, cloud, config)? })
     };
     stretches.into_iter().filter_map(described).collect()
 }
@@ -61,7 +61,8 @@ fn usual_gap_m(bins: &[Bin], stretches: &[Stretch], config: &LaneConfig) -> f64 
 fn piece(
     kind: LaneKind,
     bins: &[Bin],
-    (path, paint): (&Path, &Paint),
+    path: &Path,
+    paint: &Paint,
     cloud: &Cloud,
     config: &LaneConfig,
 ) -> Option<LanePiece> {

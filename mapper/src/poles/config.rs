@@ -83,7 +83,8 @@ pub struct PoleConfig {
     /// stands before it, and that no camera sees it.
     pub least_visibility: f64,
     /// The same for a pole that stands close before something: what sticks out
-    /// of a hedge here and there is seen little.
+    /// of a hedge here and there is seen little. Where it is less than
+    /// [`Self::least_visibility`], that counts.
     pub least_visibility_before: f64,
     /// A pole close before something stands out where it has so many times the
     /// points of the fullest place around it.

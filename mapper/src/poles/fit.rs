@@ -133,7 +133,8 @@ pub fn fit_pole<'a>(
     stack: &Stack,
     plumb: &Plumb,
     wanted: Wanted,
-    (config, lidar): (&PoleConfig, &LidarConfig),
+    config: &PoleConfig,
+    lidar: &LidarConfig,
 ) -> Option<FittedPole> {
     let mut near: Vec<CloudPoint> = Vec::new();
     // Not collected: iterators of many short pieces are fast from within only.

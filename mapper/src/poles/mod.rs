@@ -41,7 +41,7 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
         places
             .par_iter()
             .filter_map(|stack| {
-                let pole = fit_pole(cloud, cloud.near(&stack.centre), stack, plumb, wanted, (config, lidar))?;
+                let pole = fit_pole(cloud, cloud.near(&stack.centre), stack, plumb, wanted, config, lidar)?;
                 let is_pole = is_pole(&pole, stack, config) && !is_of_what_is_behind(&pole, stack, &stacks, config);
                 Some((pole, is_pole))
             })

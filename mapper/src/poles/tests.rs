@@ -103,7 +103,7 @@ fn fits_that_end_early_are_of_what_is_no_pole_and_the_others_are_whole() {
     let foot = |x: f64, z: f64| Point3::new(x, CAMERA_HEIGHT_M, z);
     post(&mut street, foot(-6.0, 25.0), 2.5, 0.05);
     post(&mut street, foot(5.0, 33.0), 3.0, 0.05);
-    // A stub, and a fence.
+    // A post too low to be a pole, and a fence.
     post(&mut street, foot(5.0, 40.0), 0.5, 0.05);
     for k in 0..3 {
         post(&mut street, foot(6.0, 20.0 + 2.0 * f64::from(k)), 1.1, 0.04);
@@ -116,7 +116,7 @@ fn fits_that_end_early_are_of_what_is_no_pole_and_the_others_are_whole() {
     let (cloud, config, lidar) = (street.cloud(), PoleConfig::default(), LidarConfig::default());
     let stacks = Stacks::new(&cloud.points, cloud.ground.grid(), &config);
     let fit = |stack: &Stack, wanted: Wanted| {
-        fit_pole(&cloud, cloud.near(&stack.centre), stack, &Plumb::of_map(&config), wanted, (&config, &lidar))
+        fit_pole(&cloud, cloud.near(&stack.centre), stack, &Plumb::of_map(&config), wanted, &config, &lidar)
     };
     let (mut whole, mut ended) = (0, 0);
     for stack in stacks.find(&config).iter().chain(&stacks.find_before(&config)) {

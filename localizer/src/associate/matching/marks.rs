@@ -3,7 +3,7 @@
 
 use nalgebra::{Point3, Vector2};
 
-use super::{Look, Match, Matcher, times};
+use super::{Look, Match, Matcher};
 use crate::estimate::LandmarkId;
 use crate::features::MarkEdge;
 use crate::measurement::Pairing;
@@ -90,7 +90,7 @@ impl Matcher {
                 for (edge, seen) in edges.iter().enumerate().filter(|(_, seen)| seen.is_near == is_near) {
                     let observation = Observation::on_line(*end, tangent, &seen.at_px, seen.sigma_px.hypot(map_px));
                     let Some((distance_px, row)) = observation.linearise(&look.view) else { continue };
-                    let pose_px = row.dot(&times(look.covariance, &row)).max(0.0).sqrt();
+                    let pose_px = look.row_sigma_px(&row);
                     if distance_px.abs() > SUPPORT_SIGMAS * pose_px.hypot(observation.sigma_px) {
                         continue;
                     }

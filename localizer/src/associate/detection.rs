@@ -52,6 +52,9 @@ pub struct DetectionConfig {
     /// Where the far ends of false lane lines lie, as a share of the image
     /// width: all lines on the road run to the vanishing point.
     pub lane_spread_of_width: f64,
+    /// Height of the band of the image in which false signs lie, as a share of
+    /// its height: what is taken for one hangs where signs hang.
+    pub sign_band_of_height: f64,
     /// Mean distance of false ends of marks of one kind (near or far) along a
     /// lane line, metres: a shadow or a patch per dash.
     pub mark_clutter_m: f64,
@@ -78,6 +81,7 @@ impl Default for DetectionConfig {
             clutter_share: 0.6,
             pole_spread_rad: 0.15,
             lane_spread_of_width: 0.1,
+            sign_band_of_height: 0.5,
             mark_clutter_m: 6.0,
             mark_lead: 3.0,
         }
@@ -134,7 +138,7 @@ impl DetectionConfig {
             pole_per_px: count(features.poles.len()) / image.width_px,
             pole_spread_rad: self.pole_spread_rad,
             lane_per_px2: count(features.lanes.len()) / (image.width_px * image.width_px * self.lane_spread_of_width),
-            sign_per_px2: count(features.signs.len()) / (image.width_px * image.height_px),
+            sign_per_px2: count(features.signs.len()) / (image.width_px * image.height_px * self.sign_band_of_height),
         }
     }
 }

@@ -231,7 +231,8 @@ impl Field {
         let Look { scene, view, cell, config } = look;
         self.begin(scene.features.signs.len());
         let focal_px = scene.camera.fx_px;
-        let clutter_per_px2 = scene.features.signs.len().max(1) as f64 / (scene.image.width_px * scene.image.height_px);
+        let band_px2 = scene.image.width_px * scene.image.height_px * scene.detection.sign_band_of_height;
+        let clutter_per_px2 = scene.features.signs.len().max(1) as f64 / band_px2;
         for sign in &scene.candidates.signs {
             let p = view.to_camera(&sign.centroid_map);
             if p.z < config.nearest_m {

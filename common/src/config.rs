@@ -116,18 +116,52 @@ pub fn to_toml<T: Serialize>(settings: &T) -> Result<String> {
 }
 
 fn parse<T: DeserializeOwned + Serialize + Default>(path: &Path, text: &str) -> Result<T> {
-    toml::from_str(text).map_err(|e| {
-        let line = e.span().map_or(1, |span| line_of(text, span.start));
-        match unknown_field(e.message()) {
-            Some((key, expected)) => Error::UnknownKey {
-                path: path.to_path_buf(),
-                line,
-                nearest: nearest_key(key, &expected, &known_keys(&T::default())),
-                key: key.to_owned(),
-            },
-            None => Error::BadConfig { path: path.to_path_buf(), line, message: e.message().replace('\n', ", ") },
+    toml::from_str(text)
+        .or_else(|e| if e.message().starts_with("missing field ") { completed(text, e) } else { Err(e) })
+        .map_err(|e| {
+            let line = e.span().map_or(1, |span| line_of(text, span.start));
+            match unknown_field(e.message()) {
+                Some((key, expected)) => Error::UnknownKey {
+                    path: path.to_path_buf(),
+                    line,
+                    nearest: nearest_key(key, &expected, &known_keys(&T::default())),
+                    key: key.to_owned(),
+                },
+                None => Error::BadConfig { path: path.to_path_buf(), line, message: e.message().replace('\n', ", ") },
+            }
+        })
+}
+
+/// As read where what the tables lack stands in them as in the defaults: some
+/// tables are of one kind, but have other defaults in each place. `else_error`
+/// where the defaults lack it, too.
+fn completed<T: DeserializeOwned + Serialize + Default>(
+    text: &str,
+    else_error: toml::de::Error,
+) -> std::result::Result<T, toml::de::Error> {
+    let Ok(defaults) = toml::to_string(&T::default()) else { return Err(else_error) };
+    let (Ok(mut table), Ok(defaults)) = (DeTable::parse(text), DeTable::parse(&defaults)) else {
+        return Err(else_error);
+    };
+    complete(table.get_mut(), defaults.get_ref());
+    T::deserialize(toml::Deserializer::from(table))
+}
+
+/// Puts into a table, and those in it, what only the defaults have.
+fn complete<'a>(table: &mut DeTable<'a>, defaults: &DeTable<'a>) {
+    for (key, default) in defaults {
+        match table.get_mut(key).map(toml::Spanned::get_mut) {
+            Some(DeValue::Table(inner)) => {
+                if let DeValue::Table(default) = default.get_ref() {
+                    complete(inner, default);
+                }
+            }
+            Some(_) => {}
+            None => {
+                table.insert(key.clone(), default.clone());
+            }
         }
-    })
+    }
 }
 
 /// The line (from 1) of a byte.
@@ -186,6 +220,15 @@ mod tests {
         every: usize,
         only: Option<String>,
         poles: Poles,
+        pitch: Axis,
+    }
+
+    /// Has no default of its own.
+    #[derive(Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Axis {
+        walk: f64,
+        memory_s: f64,
     }
 
     #[derive(Debug, PartialEq, Serialize, Deserialize)]
@@ -196,7 +239,7 @@ mod tests {
 
     impl Default for Settings {
         fn default() -> Self {
-            Self { every: 5, only: None, poles: Poles::default() }
+            Self { every: 5, only: None, poles: Poles::default(), pitch: Axis { walk: 0.1, memory_s: 0.5 } }
         }
     }
 
@@ -214,6 +257,15 @@ mod tests {
     fn what_is_not_said_stays_at_its_default() {
         let settings: Settings = parse(Path::new("a.toml"), "[poles]\nradius_m = 0.5\n").unwrap();
         assert_eq!(settings, Settings { poles: Poles { radius_m: 0.5 }, ..Settings::default() });
+    }
+
+    #[test]
+    fn what_a_table_without_a_default_of_its_own_does_not_say_is_that_of_its_place() {
+        let settings: Settings = parse(Path::new("a.toml"), "every = 3\n[pitch]\nwalk = 0.2\n").unwrap();
+        let expected = Settings { every: 3, pitch: Axis { walk: 0.2, memory_s: 0.5 }, ..Settings::default() };
+        assert_eq!(settings, expected);
+        assert!(message("[pitch]\nwalk = 'much'\n").starts_with("a.toml:2: "));
+        assert!(message("[pitch]\nwalk = 0.2\nwal = 1\n").starts_with("a.toml:3: there is no setting `wal`"));
     }
 
     #[test]

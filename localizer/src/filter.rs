@@ -15,8 +15,8 @@ use crate::odometry::OdometryConfig;
 pub use motion::{AxisMotion, MotionConfig};
 
 /// Pose (0 to 5), velocity (6 to 11), what the odometry is off by (12, 13), how
-/// the camera sits on the vehicle (14 to 16).
-const STATES: usize = 17;
+/// the camera sits on the vehicle (14 to 16), and how that lies (17, 18).
+const STATES: usize = 19;
 /// All but the pose.
 const REST: usize = STATES - 6;
 /// The velocity to the right.
@@ -35,9 +35,18 @@ const LEVER: usize = 14;
 const MOUNTING: usize = 15;
 /// How much higher the camera is than the survey's.
 const HEIGHT: usize = 16;
+/// The pitch that springs return to.
+const REST_PITCH: usize = 17;
+/// The roll that springs return to.
+const REST_ROLL: usize = 18;
 
 type MatrixN = SMatrix<f64, STATES, STATES>;
 type VectorN = SVector<f64, STATES>;
+
+/// Share of what fades that is left `dt_s` later.
+fn kept_after(dt_s: f64, memory_s: f64) -> f64 {
+    (-dt_s / memory_s.max(1e-3)).exp()
+}
 
 /// A belief about where the camera is and how it moves.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,11 +66,15 @@ pub struct State {
     pub mounting_rad: f64,
     /// How much higher the camera is over the road than the survey's, metres.
     pub higher_m: f64,
+    /// Pitch and roll that the springs return to, beyond those of a level
+    /// camera on the survey's path, radians: the crossfall of the road, the
+    /// mounting of the camera, axes of a map that were not level.
+    pub rest_rad: [f64; 2],
     /// What odometry, wheels and road have said against it since the last
     /// image: half the sum of the squared Mahalanobis distances.
     pub surprise: f64,
     /// Covariance of the pose's local tangent, then of the velocity, the
-    /// wheels' scale, the gyroscope's bias, lever, mounting and height.
+    /// wheels' scale, the gyroscope's bias, lever, mounting, height and rest.
     pub covariance: SMatrix<f64, STATES, STATES>,
 }
 
@@ -83,6 +96,9 @@ impl State {
         covariance[(LEVER, LEVER)] = motion.lever_sigma_m * motion.lever_sigma_m;
         covariance[(HEIGHT, HEIGHT)] = motion.height_sigma_m * motion.height_sigma_m;
         covariance[(MOUNTING, MOUNTING)] = motion.mounting_sigma_rad * motion.mounting_sigma_rad;
+        for i in [REST_PITCH, REST_ROLL] {
+            covariance[(i, i)] = motion.rest_sigma_rad * motion.rest_sigma_rad;
+        }
         Self {
             map_from_camera,
             velocity,
@@ -91,6 +107,7 @@ impl State {
             lever_m: motion.lever_m,
             mounting_rad: 0.0,
             higher_m: 0.0,
+            rest_rad: [0.0; 2],
             surprise: 0.0,
             covariance,
         }
@@ -137,9 +154,14 @@ impl State {
             transition[(i, i)] = 1.0;
         }
         let mut noise = MatrixN::zeros();
+        let resting = kept_after(dt_s, motion.rest_memory_s);
+        for i in [REST_PITCH, REST_ROLL] {
+            transition[(i, i)] = resting;
+            noise[(i, i)] = motion.rest_sigma_rad * motion.rest_sigma_rad * (1.0 - resting * resting);
+        }
         let mut velocity = self.velocity;
         for (i, axis) in motion.axes().into_iter().enumerate() {
-            let kept = (-dt_s / axis.memory_s.max(1e-3)).exp();
+            let kept = kept_after(dt_s, axis.memory_s);
             if i >= 3 {
                 transition[(i, i + 6)] = dt_s;
             }
@@ -155,6 +177,7 @@ impl State {
         Self {
             map_from_camera: retract(&self.map_from_camera, &step),
             velocity,
+            rest_rad: self.rest_rad.map(|rad| rad * resting),
             surprise: 0.0,
             covariance: (covariance + covariance.transpose()) * 0.5,
             ..self.clone()
@@ -190,6 +213,8 @@ impl State {
         self.lever_m += delta[LEVER - 6];
         self.mounting_rad += delta[MOUNTING - 6];
         self.higher_m += delta[HEIGHT - 6];
+        self.rest_rad[0] += delta[REST_PITCH - 6];
+        self.rest_rad[1] += delta[REST_ROLL - 6];
     }
 
     /// Takes the standard deviation of one component as this share of what it

@@ -113,7 +113,7 @@ impl<'a> Tracker<'a> {
         self.prepared.fill(input.features);
         self.predict(dt_s, input.odometry.as_ref());
         self.follow_region(dt_s, input)?;
-        self.observe(input.gps)?;
+        self.observe(dt_s, input.gps)?;
         if self.prepared.is_empty() {
             return Ok(self.speak(0.0));
         }
@@ -138,10 +138,11 @@ impl<'a> Tracker<'a> {
         }
     }
 
-    /// Keeps all hypotheses where a vehicle can be, and a fix allows.
-    fn constrain(&mut self, gps: Option<&GpsFix>) {
+    /// Keeps all hypotheses where a vehicle can be `dt_s` after the last frame,
+    /// and a fix allows.
+    fn constrain(&mut self, dt_s: f64, gps: Option<&GpsFix>) {
         for hypothesis in &mut self.bank {
-            hypothesis.constrain_to_path(self.map, &self.candidates.roads, &self.config.start);
+            hypothesis.constrain_to_path(dt_s, self.map, &self.candidates.roads, &self.config);
             if let Some(fix) = gps.filter(|_| self.config.gps.fuse) {
                 hypothesis.constrain_to_fix(fix, &self.config.gps);
             }
@@ -168,10 +169,10 @@ impl<'a> Tracker<'a> {
         Some((centre, reach))
     }
 
-    fn observe(&mut self, gps: Option<&GpsFix>) -> Result<()> {
+    fn observe(&mut self, dt_s: f64, gps: Option<&GpsFix>) -> Result<()> {
         let Some((centre, reach)) = self.bank_reach() else { return Ok(()) };
         self.select(&centre, &reach)?;
-        self.constrain(gps);
+        self.constrain(dt_s, gps);
         if self.prepared.is_empty() {
             // A black image says nothing, least of all for empty places.
             self.bank.iter_mut().for_each(Hypothesis::see_nothing);

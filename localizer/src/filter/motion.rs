@@ -27,7 +27,7 @@ pub struct MotionConfig {
     /// Forward: accelerations of 1 to 2 m/s^2 that last a second; hard braking
     /// is followed through the images.
     pub forward: AxisMotion,
-    /// Pitching: half a degree at 1 to 2 Hz.
+    /// Pitching: 0.2 degrees from one image to the next, as in KITTI 00 and 07.
     pub pitch: AxisMotion,
     /// Turning: a corner is entered within half a second at up to 0.6 rad/s.
     pub yaw: AxisMotion,
@@ -49,6 +49,15 @@ pub struct MotionConfig {
     /// Standard deviation of the camera's height over the road against the
     /// survey's, metres: another load, another rig of the same kind.
     pub height_sigma_m: f64,
+    /// Time after which springs have taken back 63 % of a sway of pitch or
+    /// roll, seconds: with their walks a vehicle sways by 0.6 degrees, as in
+    /// KITTI 00.
+    pub spring_s: f64,
+    /// Standard deviation of what pitch and roll return to, against a level
+    /// camera on the survey's path, radians: crossfall and mounting.
+    pub rest_sigma_rad: f64,
+    /// Time after which that has changed, seconds: another street.
+    pub rest_memory_s: f64,
 }
 
 impl Default for MotionConfig {
@@ -58,15 +67,18 @@ impl Default for MotionConfig {
             right: axis(0.6, 1.0),
             down: axis(0.4, 1.0),
             forward: axis(1.0, 60.0),
-            pitch: axis(0.08, 0.5),
+            pitch: axis(0.1, 0.2),
             yaw: axis(0.8, 3.0),
-            roll: axis(0.08, 0.5),
+            roll: axis(0.1, 0.2),
             lever_m: 1.5,
             lever_sigma_m: 0.7,
             mounting_sigma_rad: 0.03,
             slip_sigma_rad: 0.02,
             slip_sigma_m_s: 0.05,
             height_sigma_m: 0.15,
+            spring_s: 0.5,
+            rest_sigma_rad: 0.026,
+            rest_memory_s: 5.0,
         }
     }
 }

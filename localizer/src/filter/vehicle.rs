@@ -1,7 +1,13 @@
 //! What the vehicle under the camera says about its motion: wheels and
-//! gyroscope, the axle that does not steer, the height over the road.
+//! gyroscope, the axle that does not steer, the height over the road, the
+//! springs.
 
-use super::{BIAS, FORWARD, HEIGHT, LEVER, MOUNTING, MotionConfig, RIGHT, SCALE, State, VectorN, YAW_RATE};
+use common::geometry::{Tangent, retract};
+
+use super::{
+    BIAS, FORWARD, HEIGHT, LEVER, MOUNTING, MotionConfig, REST_PITCH, REST_ROLL, RIGHT, SCALE, STATES, State, VectorN,
+    YAW_RATE, kept_after,
+};
 use crate::odometry::{Odometry, OdometryConfig};
 
 impl State {
@@ -62,6 +68,29 @@ impl State {
         row[1] = 1.0;
         row[HEIGHT] = 1.0;
         self.surprise += self.absorb(&row, below_m - self.higher_m, sigma_m);
+    }
+
+    /// What springs took back in the last `dt_s`. `level_rad` is by how much
+    /// pitch and roll of a level camera on the survey's path are more than
+    /// this one's: `p' = p + (1 - k) (level + rest)`, `k` what is kept.
+    pub fn spring_back(&mut self, dt_s: f64, level_rad: [f64; 2], motion: &MotionConfig) {
+        let kept = kept_after(dt_s, motion.spring_s);
+        let mut back = Tangent::zeros();
+        for (swaying, resting, off_rad) in
+            [(3, REST_PITCH, level_rad[0] + self.rest_rad[0]), (5, REST_ROLL, level_rad[1] + self.rest_rad[1])]
+        {
+            back[swaying] = (1.0 - kept) * off_rad;
+            // F P F^T, of which F differs from one in this row.
+            for i in 0..STATES {
+                self.covariance[(swaying, i)] +=
+                    (1.0 - kept) * (self.covariance[(resting, i)] - self.covariance[(swaying, i)]);
+            }
+            for i in 0..STATES {
+                self.covariance[(i, swaying)] +=
+                    (1.0 - kept) * (self.covariance[(i, resting)] - self.covariance[(i, swaying)]);
+            }
+        }
+        self.map_from_camera = retract(&self.map_from_camera, &back);
     }
 }
 
@@ -139,5 +168,47 @@ mod tests {
             filter.update(&seen, &(Matrix6::identity() * 1e-4));
         }
         assert!((filter.higher_m - 0.12).abs() < 0.03, "{}", filter.higher_m);
+    }
+
+    /// One frame of a camera that lies turned by `off` against a level one.
+    fn sway(filter: &State, off: &Tangent, motion: &MotionConfig) -> State {
+        let mut next = filter.predicted(0.1, motion);
+        next.spring_back(0.1, [-off[3], -off[5]], motion);
+        next
+    }
+
+    #[test]
+    fn a_sway_dies_out_and_its_uncertainty_stays_bounded() {
+        let motion = MotionConfig::default();
+        let level = state();
+        let mut filter = level.clone();
+        filter.velocity = Tangent::zeros();
+        filter.map_from_camera = retract(&level.map_from_camera, &(Tangent::ith(3, 0.03) + Tangent::ith(5, -0.02)));
+        for _ in 0..30 {
+            let off = local(&level.map_from_camera, &filter.map_from_camera);
+            filter = sway(&filter, &off, &motion);
+        }
+        let off = local(&level.map_from_camera, &filter.map_from_camera);
+        assert!(off[3].abs() < 0.002 && off[5].abs() < 0.002, "{off}");
+        let sigma_rad = filter.covariance[(3, 3)].sqrt();
+        // A sway of 0.6 degrees about a rest that may be off by 1.5.
+        assert!(sigma_rad > 0.01 && sigma_rad < 0.035, "{sigma_rad}");
+        assert!(nalgebra::Cholesky::new(filter.covariance).is_some());
+    }
+
+    #[test]
+    fn a_camera_that_looks_down_all_along_teaches_the_rest() {
+        let motion = MotionConfig::default();
+        let level = state();
+        let seen = retract(&level.map_from_camera, &Tangent::ith(3, -0.02));
+        let mut filter = level.clone();
+        filter.velocity = Tangent::zeros();
+        for _ in 0..50 {
+            let off = local(&level.map_from_camera, &filter.map_from_camera);
+            filter = sway(&filter, &off, &motion);
+            filter.update(&seen, &(Matrix6::identity() * 1e-6));
+        }
+        assert!((filter.rest_rad[0] + 0.02).abs() < 0.006, "{}", filter.rest_rad[0]);
+        assert!(filter.rest_rad[1].abs() < 0.002, "{}", filter.rest_rad[1]);
     }
 }

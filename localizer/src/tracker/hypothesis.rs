@@ -14,7 +14,7 @@ use crate::local_map::{LocalMap, RoadKey};
 use crate::odometry::Odometry;
 use crate::projection::View;
 use crate::solver::Prior;
-use crate::start::{StartConfig, is_alike, keep_on_road};
+use crate::start::{is_alike, keep_on_road};
 
 /// Settings of the set of hypotheses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -272,9 +272,11 @@ impl Hypothesis {
     }
 
     /// Keeps height, pitch and roll from wandering off where the images do not
-    /// fix them: they are known from the survey's path, but no better for
-    /// being said in every frame.
-    pub fn constrain_to_path(&mut self, map: &LocalMap, roads: &[RoadKey], start: &StartConfig) {
+    /// fix them: the survey's path tells the height, but no better for being
+    /// said in every frame, and what springs returned to in the `dt_s` since
+    /// the last.
+    pub fn constrain_to_path(&mut self, dt_s: f64, map: &LocalMap, roads: &[RoadKey], config: &Config) {
+        let start = &config.start;
         let position = Point3::from(self.state.map_from_camera.translation.vector);
         let Some(place) = map.nearest_path(roads, &position) else { return };
         let off = position - place.point_map;
@@ -292,8 +294,7 @@ impl Hypothesis {
         let crossfall_m = start.crossfall * self.off_road_m;
         let height_sigma_m = start.road_height_sigma_m.hypot(crossfall_m) * start.height_frames.sqrt();
         self.state.measure_height(height_m - own.y_m, height_sigma_m);
-        self.state.constrain(3, pitch_rad - own.pitch_rad, start.tilt_sigma_rad);
-        self.state.constrain(5, -own.roll_rad, start.tilt_sigma_rad);
+        self.state.spring_back(dt_s, [pitch_rad - own.pitch_rad, -own.roll_rad], &config.motion);
     }
 
     /// Keeps the position from wandering off further than a fix can be wrong.

@@ -2,8 +2,7 @@
 //! localized with the step switched off, alone.
 //!
 //! Steps are switched off by settings, or by taking out of the features what
-//! the step would use. Keeping pitch and roll near the survey's path has no row:
-//! its setting is that of the search at the start, too.
+//! the step would use.
 
 use clap::ValueEnum;
 use localizer::features::{Features, LineFeature};
@@ -45,6 +44,8 @@ pub enum Step {
     Wheels,
     /// Swaying dies out by itself.
     Sway,
+    /// Springs take pitch and roll back to where they rest.
+    Springs,
     /// A pole's ends are looked for, not only its line.
     Ends,
     /// Lane lines are curves.
@@ -110,6 +111,7 @@ impl Step {
                     axis.memory_s = NEVER;
                 }
             }
+            Self::Springs => config.motion.spring_s = NEVER,
             Self::Ends => config.noise.seen_end = 0.0,
             Self::Curves => {
                 let lanes = trial.frames.iter_mut().flat_map(|seen| &mut seen.features.lanes);

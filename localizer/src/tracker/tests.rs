@@ -41,10 +41,13 @@ impl Run {
 }
 
 fn run(world: &World, gps: &GpsConfig, seed: u64, mishap: &Mishap<'_>) -> Run {
+    run_with(&Config::default(), world, gps, seed, mishap)
+}
+
+fn run_with(config: &Config, world: &World, gps: &GpsConfig, seed: u64, mishap: &Mishap<'_>) -> Run {
     let mut map = LocalMap::whole(world.map.clone());
-    let config = Config::default();
     let fixes = simulate(&world.truth[..gps.simulated_fixes], gps, seed);
-    let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, &config);
+    let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, config);
     let mut run = Run { errors_m: Vec::new(), statuses: Vec::new(), poses: Vec::new() };
     for frame in 0..world.truth.len() {
         (mishap.before)(frame, &mut tracker);
@@ -261,4 +264,14 @@ fn an_empty_map_is_no_reason_to_fail() {
         let estimate = tracker.step(&input).unwrap();
         assert!(estimate.is_none_or(|e| e.status != Status::Ok && e.covariance.iter().all(|v| v.is_finite())));
     }
+}
+
+#[test]
+fn rivals_that_are_given_up_early_would_have_been_none() {
+    let patient = Config { rivals: RivalConfig { same_m: 0.0, ..RivalConfig::default() }, ..Config::default() };
+    let world = World::new(Recipe { missed: 0.3, ..street() });
+    let of = |config: &Config| run_with(config, &world, &GpsConfig::default(), 3, &NONE);
+    let (early, late) = (of(&Config::default()), of(&patient));
+    assert_eq!(early.poses, late.poses);
+    assert!(early.statuses == late.statuses);
 }

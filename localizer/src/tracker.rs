@@ -326,6 +326,9 @@ impl<'a> Tracker<'a> {
     }
 
     fn speak(&mut self, margin: f64) -> Option<&PoseEstimate> {
+        for (i, hypothesis) in self.bank.iter_mut().enumerate() {
+            hypothesis.led_frames = if i == 0 { hypothesis.led_frames + 1 } else { 0 };
+        }
         let best = self.bank.first()?;
         let lead = self.lead();
         let was_lost = self.status == Some(Status::Lost);

@@ -64,12 +64,14 @@ pub enum Step {
     Rounds,
     /// Wrong pairs of a round are allowed for by wider gates in the next.
     Gates,
-    /// Ok needs that no one object decides.
+    /// Ok needs that no object decides, and no two.
     Separation,
     /// Ok needs that residuals are as small as expected.
     Residuals,
     /// Ok needs a lead over all that is tracked beside.
     Lead,
+    /// Ok needs some frames of being the best.
+    Led,
     /// Ok needs support of this frame.
     Support,
     /// Ok needs some frames of tracking.
@@ -124,9 +126,13 @@ impl Step {
             Self::Loss => config.solver.loss = Loss::Quadratic,
             Self::Rounds => config.robust.max_rounds = 1,
             Self::Gates => config.robust.gate_inflation = 1.0,
-            Self::Separation => config.health.max_separation_m = NEVER,
+            Self::Separation => {
+                let health = &mut config.health;
+                (health.max_separation_m, health.max_separation_of_two_m) = (NEVER, NEVER);
+            }
             Self::Residuals => config.health.max_mean_square = NEVER,
             Self::Lead => config.health.ok_lead = -NEVER,
+            Self::Led => config.health.led_frames = 0,
             Self::Support => config.health.min_support = -NEVER,
             Self::Verified => config.health.verify_frames = 0,
         }

@@ -62,6 +62,28 @@ impl Part {
     }
 }
 
+/// Information and gradient of several matches and a prior.
+type Sum = (Matrix6<f64>, Vector6<f64>);
+
+impl SeparationConfig {
+    /// How far a sum says that its pose may be off, horizontally, metres.
+    fn level_m(&self, (information, gradient): &Sum) -> f64 {
+        let Some(factor) = Cholesky::new(*information) else { return f64::INFINITY };
+        let (step, covariance) = (factor.solve(gradient), factor.inverse());
+        step[0].hypot(step[2]) + self.sigmas * (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt()
+    }
+}
+
+/// How far off a pose may be, horizontally, metres.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Separation {
+    /// If one object was matched wrongly, or most of the prior is wrong.
+    pub one_m: f64,
+    /// If two objects were: that without which it may be furthest off, and the
+    /// next without that.
+    pub two_m: f64,
+}
+
 /// What the matches and a share of the prior say about a pose, and each object
 /// of the matches by itself. Buffers are reused.
 #[derive(Debug, Clone, Default)]
@@ -93,25 +115,30 @@ impl Balance {
         }
     }
 
+    /// What is left of `sum` (information and gradient) without the object of a
+    /// match.
+    fn less(&self, sum: &Sum, of: &Part, object_m: f64) -> Sum {
+        let (mut information, mut gradient) = *sum;
+        let same = |other: &&Part| std::ptr::eq(*other, of) || of.is_same_object(other, object_m);
+        for other in self.parts.iter().filter(same) {
+            information -= other.information;
+            gradient -= other.gradient;
+        }
+        (information, gradient)
+    }
+
     /// Information and gradient without the object of each match in turn.
-    fn without_each(&self, object_m: f64) -> impl Iterator<Item = (Matrix6<f64>, Vector6<f64>)> + '_ {
-        self.parts.iter().map(move |part| {
-            let (mut information, mut gradient) = (self.information, self.gradient);
-            let same = |other: &&Part| std::ptr::eq(*other, part) || part.is_same_object(other, object_m);
-            for other in self.parts.iter().filter(same) {
-                information -= other.information;
-                gradient -= other.gradient;
-            }
-            (information, gradient)
-        })
+    fn without_each(&self, object_m: f64) -> impl Iterator<Item = Sum> + '_ {
+        let whole = (self.information, self.gradient);
+        self.parts.iter().map(move |part| self.less(&whole, part, object_m))
     }
 
     /// How far off the pose (solved with `matches` and `prior`) may be,
-    /// horizontally in metres, if one object was matched wrongly, or none but
+    /// horizontally in metres, if something was matched wrongly, or nothing but
     /// most of the prior is wrong: the largest move of the pose without it, and
     /// some standard deviations of what is left. Infinite where nothing fixes
     /// the pose then.
-    pub fn separation_m(
+    pub fn separation(
         &mut self,
         matches: &[Match],
         view: &View,
@@ -119,15 +146,29 @@ impl Balance {
         prior: &Prior,
         config: &SeparationConfig,
         solver: &SolverConfig,
-    ) -> f64 {
+    ) -> Separation {
         self.weigh(matches, view, pose, prior, config.prior_share, solver);
-        let level_m = |information: Matrix6<f64>, gradient: Vector6<f64>| {
-            let Some(factor) = Cholesky::new(information) else { return f64::INFINITY };
-            let (step, covariance) = (factor.solve(&gradient), factor.inverse());
-            step[0].hypot(step[2]) + config.sigmas * (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt()
+        let whole = (self.information, self.gradient);
+        let mut separation = Separation { one_m: config.level_m(&whole), two_m: 0.0 };
+        let Some((worst_m, rest, worst)) = self.worst_without(&whole, None, config) else { return separation };
+        separation.one_m = separation.one_m.max(worst_m);
+        let second = self.worst_without(&rest, Some(worst), config);
+        separation.two_m = second.map_or(0.0, |(second_m, ..)| second_m).max(separation.one_m);
+        separation
+    }
+
+    /// The match without whose object the pose may be furthest off, that
+    /// distance, and what is left then; of those that are not of the same object
+    /// as `gone`.
+    fn worst_without(&self, sum: &Sum, gone: Option<&Part>, config: &SeparationConfig) -> Option<(f64, Sum, &Part)> {
+        let is_left = |part: &&Part| {
+            gone.is_none_or(|gone| !std::ptr::eq(*part, gone) && !gone.is_same_object(part, config.object_m))
         };
-        let without = self.without_each(config.object_m).map(|(information, gradient)| level_m(information, gradient));
-        without.fold(level_m(self.information, self.gradient), f64::max)
+        let without = self.parts.iter().filter(is_left).map(|part| {
+            let rest = self.less(sum, part, config.object_m);
+            (config.level_m(&rest), rest, part)
+        });
+        without.max_by(|a, b| a.0.total_cmp(&b.0))
     }
 
     /// Leaves in `moved` the poses that the other matches and the whole prior
@@ -143,7 +184,7 @@ impl Balance {
         solver: &SolverConfig,
     ) {
         self.weigh(matches, view, pose, prior, 1.0, solver);
-        let without = |(information, gradient): (Matrix6<f64>, Vector6<f64>)| {
+        let without = |(information, gradient): Sum| {
             let step = -Cholesky::new(information)?.solve(&gradient);
             Some((0.5 * step.dot(&(information * step)), retract(pose, &step)))
         };
@@ -202,18 +243,28 @@ mod tests {
     fn one_match_that_pulls_separates() {
         let separated = |aside_px| {
             with_one_aside(aside_px, |matches, view, pose, prior| {
-                Balance::default().separation_m(
-                    matches,
-                    view,
-                    pose,
-                    prior,
-                    &SeparationConfig::default(),
-                    &SolverConfig::default(),
-                )
+                let (separation, solver) = (SeparationConfig::default(), SolverConfig::default());
+                Balance::default().separation(matches, view, pose, prior, &separation, &solver)
             })
         };
-        let (agreeing_m, pulled_m) = (separated(0.0), separated(6.0));
-        assert!(agreeing_m < 0.25 && pulled_m > agreeing_m, "{agreeing_m} m, {pulled_m} m");
+        let (agreeing, pulled) = (separated(0.0), separated(6.0));
+        assert!(agreeing.one_m < 0.25 && pulled.one_m > agreeing.one_m, "{agreeing:?}, {pulled:?}");
+        assert!(agreeing.two_m >= agreeing.one_m && pulled.two_m >= pulled.one_m, "{agreeing:?}, {pulled:?}");
+    }
+
+    #[test]
+    fn a_pose_that_two_objects_hold_may_be_anywhere_without_them() {
+        let of_two = with_one_aside(0.0, |matches, view, pose, prior| {
+            let is_pole = |m: &&Match| matches!(m.landmark, LandmarkId::Pole(_));
+            let two: Vec<Match> = matches.iter().filter(is_pole).take(2).copied().collect();
+            let (separation, solver) = (SeparationConfig::default(), SolverConfig::default());
+            Balance::default().separation(&two, view, pose, prior, &separation, &solver)
+        });
+        let config = SeparationConfig::default();
+        // A share of the prior of 5 cm is left.
+        let prior_alone_m = config.sigmas * 0.05 * (2.0 / config.prior_share).sqrt();
+        assert!((of_two.two_m - prior_alone_m).abs() < 1e-6, "{of_two:?}, {prior_alone_m} m");
+        assert!(of_two.one_m <= of_two.two_m, "{of_two:?}");
     }
 
     #[test]
@@ -239,7 +290,7 @@ mod tests {
         let prior = Prior::new(pose, &Matrix6::identity()).unwrap();
         let view = View::new(&crate::projection::tests::camera(), &pose);
         let config = SeparationConfig::default();
-        let level_m = Balance::default().separation_m(&[], &view, &pose, &prior, &config, &SolverConfig::default());
-        assert!((level_m - config.sigmas * (2.0 / config.prior_share).sqrt()).abs() < 1e-9, "{level_m} m");
+        let of_none = Balance::default().separation(&[], &view, &pose, &prior, &config, &SolverConfig::default());
+        assert!((of_none.one_m - config.sigmas * (2.0 / config.prior_share).sqrt()).abs() < 1e-9, "{of_none:?}");
     }
 }

@@ -20,6 +20,10 @@ pub struct HealthConfig {
     pub lost_sigma_m: f64,
     /// Frames that a hypothesis must have been tracked for to be ok.
     pub verify_frames: usize,
+    /// Frames in a row that a hypothesis must have been the best of all to be
+    /// ok: one that takes over contradicts what was said, and one of the two is
+    /// wrong.
+    pub led_frames: usize,
     /// Evidence by which it must lead over every other that is tracked, nats:
     /// 3 is 95 %. A pose that was jumped to must make up for its handicap, too.
     pub ok_lead: f64,
@@ -29,6 +33,8 @@ pub struct HealthConfig {
     /// How far off an ok pose may be if one object, or most of the prediction,
     /// is wrong, metres: what nobody should be off by unwarned.
     pub max_separation_m: f64,
+    /// The same if two objects are, metres: there another pose is a rival.
+    pub max_separation_of_two_m: f64,
     /// A frame holds a pose if what was matched is worth at least this, nats,
     /// whatever was not seen: with a house before half of the landmarks the
     /// rest still holds.
@@ -50,9 +56,11 @@ impl Default for HealthConfig {
             ok_sigma_m: 0.2,
             lost_sigma_m: 1.0,
             verify_frames: 5,
+            led_frames: 8,
             ok_lead: 3.0,
             max_mean_square: 1.0,
             max_separation_m: 0.5,
+            max_separation_of_two_m: 0.7,
             min_worth: 6.0,
             lost_after_frames: 8,
             search_sigma_m: 1.5,
@@ -72,10 +80,12 @@ pub fn judge(best: &Hypothesis, lead: f64, margin: f64, was_lost: bool, health: 
         return Status::Lost;
     }
     let ok = verified
+        && best.led_frames >= health.led_frames
         && sigma_m <= health.ok_sigma_m
         && best.support >= health.min_support
         && best.mean_square <= health.max_mean_square
-        && best.separation_m <= health.max_separation_m
+        && best.separation.one_m <= health.max_separation_m
+        && best.separation.two_m <= health.max_separation_of_two_m
         && lead >= health.ok_lead + best.handicap
         && margin >= 0.0;
     if ok { Status::Ok } else { Status::Degraded }

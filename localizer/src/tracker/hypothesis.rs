@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::associate::matching::Scene;
 use crate::associate::robust::{Associator, Question, Refined};
+use crate::associate::separation::Separation;
 use crate::config::Config;
 use crate::estimate::Correspondence;
 use crate::filter::State;
@@ -123,6 +124,8 @@ pub struct Hypothesis {
     pub handicap: f64,
     /// Frames that it was tracked for.
     pub age_frames: usize,
+    /// Frames in a row that it has been the best.
+    pub led_frames: usize,
     /// Frames in a row whose matches did not hold it.
     pub weak_frames: usize,
     /// The speed is not known yet.
@@ -136,8 +139,8 @@ pub struct Hypothesis {
     /// By how much it was ahead of the shifted poses beside it, when these were
     /// last looked at, nats.
     pub margin: Option<f64>,
-    /// By how much the pose moves if one object is left out, metres.
-    pub separation_m: f64,
+    /// By how much the pose moves if objects are left out.
+    pub separation: Separation,
     /// How far it is from the nearest road, metres.
     pub off_road_m: f64,
     /// Root mean square distance of its matches, pixels.
@@ -189,13 +192,14 @@ impl Hypothesis {
             past_weight,
             handicap,
             age_frames: 0,
+            led_frames: 0,
             weak_frames: 0,
             speed_is_unknown: false,
             support: 0.0,
             evidence: 0.0,
             mean_square: 0.0,
             margin: None,
-            separation_m: 0.0,
+            separation: Separation::default(),
             off_road_m: 0.0,
             rms_px: 0.0,
             iterations: 0,
@@ -308,7 +312,8 @@ impl Hypothesis {
     /// Lets a frame pass that shows nothing: the prediction stands.
     pub fn see_nothing(&mut self) {
         self.correspondences.clear();
-        (self.support, self.evidence, self.mean_square, self.separation_m, self.rms_px) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        self.separation = Separation::default();
+        (self.support, self.evidence, self.mean_square, self.rms_px) = (0.0, 0.0, 0.0, 0.0);
         (self.iterations, self.converged) = (0, false);
         self.log_weight = self.past_weight - self.handicap;
         self.weak_frames += 1;
@@ -344,7 +349,7 @@ impl Hypothesis {
         let surprise = |pose| gps.map_or(0.0, |fix| fix.surprise(pose)).min(config.bank.max_surprise) + against;
         if refined.gain < 0.0 || refined.prior_cost > config.bank.max_innovation {
             self.mean_square = 0.0;
-            self.separation_m = 0.0;
+            self.separation = Separation::default();
             self.rms_px = 0.0;
             self.iterations = refined.iterations;
             self.converged = refined.converged;
@@ -358,7 +363,7 @@ impl Hypothesis {
         self.state.update(&refined.map_from_camera, &refined.covariance);
         let held = associator.matcher.worth() >= config.health.min_worth;
         self.weak_frames = if held { 0 } else { self.weak_frames + 1 };
-        self.separation_m = associator.balance.separation_m(
+        self.separation = associator.balance.separation(
             &associator.matcher.matches,
             &View::new(scene.camera, &refined.map_from_camera),
             &refined.map_from_camera,

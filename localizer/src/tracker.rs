@@ -15,6 +15,7 @@ mod region;
 mod rivals;
 
 pub use health::HealthConfig;
+use health::Verdict;
 pub use hypothesis::BankConfig;
 pub use nearby::NearbyConfig;
 pub use rivals::RivalConfig;
@@ -66,8 +67,8 @@ pub struct Tracker<'a> {
     region: Option<State>,
     /// Fixes in a row that lie outside of the region.
     refused_fixes: usize,
-    /// What was said of the last frame.
-    status: Option<Status>,
+    /// What was made of the last frame.
+    verdict: Option<Verdict>,
     associator: Associator,
     search: Search,
     prepared: Prepared,
@@ -91,7 +92,7 @@ impl<'a> Tracker<'a> {
             last_time_s: None,
             region: None,
             refused_fixes: 0,
-            status: None,
+            verdict: None,
             associator: Associator::default(),
             search: Search::default(),
             prepared: Prepared::default(),
@@ -331,10 +332,11 @@ impl<'a> Tracker<'a> {
         }
         let best = self.bank.first()?;
         let lead = self.lead();
-        let was_lost = self.status == Some(Status::Lost);
-        let status = health::judge(best, lead, margin, was_lost, &self.config.health);
-        self.status = Some(status);
-        if status == Status::Ok {
+        let was_lost = self.verdict.is_some_and(|verdict| verdict.status == Status::Lost);
+        let verdict = health::judge(best, lead, margin, was_lost, &self.config.health);
+        self.verdict = Some(verdict);
+        let status = verdict.status;
+        if verdict.is_followed {
             // Should it be lost from here on, it is searched around here.
             self.region = Some(best.state.clone());
         }

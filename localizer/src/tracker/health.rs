@@ -70,23 +70,33 @@ impl Default for HealthConfig {
     }
 }
 
+/// What is made of the best hypothesis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Verdict {
+    /// What is said of it.
+    pub status: Status,
+    /// It is followed: nothing is searched around it. Less than to be called ok:
+    /// who searches too much finds what is wrong.
+    pub is_followed: bool,
+}
+
 /// Judges the best hypothesis: `lead` is its evidence over the next one that
 /// is tracked, `margin` its support over the best pose beside it, nats.
-pub fn judge(best: &Hypothesis, lead: f64, margin: f64, was_lost: bool, health: &HealthConfig) -> Status {
+pub fn judge(best: &Hypothesis, lead: f64, margin: f64, was_lost: bool, health: &HealthConfig) -> Verdict {
     let covariance = best.state.pose_covariance();
     let sigma_m = (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt();
     let verified = best.age_frames >= health.verify_frames;
     if sigma_m > health.lost_sigma_m || best.weak_frames >= health.lost_after_frames || (was_lost && !verified) {
-        return Status::Lost;
+        return Verdict { status: Status::Lost, is_followed: false };
     }
-    let ok = verified
-        && best.led_frames >= health.led_frames
+    let is_followed = verified
         && sigma_m <= health.ok_sigma_m
         && best.support >= health.min_support
         && best.mean_square <= health.max_mean_square
         && best.separation.one_m <= health.max_separation_m
-        && best.separation.two_m <= health.max_separation_of_two_m
         && lead >= health.ok_lead + best.handicap
         && margin >= 0.0;
-    if ok { Status::Ok } else { Status::Degraded }
+    let is_ok =
+        is_followed && best.led_frames >= health.led_frames && best.separation.two_m <= health.max_separation_of_two_m;
+    Verdict { status: if is_ok { Status::Ok } else { Status::Degraded }, is_followed }
 }

@@ -13,7 +13,6 @@ use super::Tracker;
 use super::hypothesis::Hypothesis;
 use crate::Result;
 use crate::associate::matching::Scene;
-use crate::estimate::Status;
 use crate::preselect::Reach;
 use crate::start::{Rough, StartConfig};
 
@@ -65,7 +64,7 @@ impl Tracker<'_> {
     pub(super) fn search_nearby(&mut self) -> Result<Vec<Hypothesis>> {
         let (config, youngest) = (&self.config.nearby, self.config.health.verify_frames);
         let is_due = |best: &&Hypothesis| {
-            let is_asked = self.status != Some(Status::Ok) && best.age_frames >= youngest;
+            let is_asked = !self.verdict.is_some_and(|verdict| verdict.is_followed) && best.age_frames >= youngest;
             is_asked && best.age_frames.is_multiple_of(config.every_frames.max(1))
         };
         let Some(best) = self.bank.first().filter(is_due).cloned() else { return Ok(Vec::new()) };

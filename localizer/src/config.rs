@@ -19,11 +19,14 @@ use crate::tracker::{BankConfig, HealthConfig, NearbyConfig, RivalConfig};
 use crate::vision::VisionConfig;
 
 /// What some numbers of [`Config`] may be: cells of the search that are ever
-/// finer, and rounds without number, take all memory or all time.
+/// finer, and rounds without number, take all memory or all time; no feature is
+/// believed where false ones are endlessly dense.
 pub const LIMITS: &[Limits] = &[
     limits("start.step_m", 0.05, 100.0),
     limits("start.step_rad", 0.002, 3.2),
     limits("start.max_cells", 1.0, 1e7),
+    limits("detection.lane_spread_of_width", 0.001, 1.0),
+    limits("detection.sign_band_of_height", 0.01, 1.0),
     limits("robust.max_rounds", 1.0, 1000.0),
     limits("vision.poles.ransac_rounds", 1.0, 1e6),
 ];

@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use nalgebra::{Matrix3, Matrix3x4, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix3x4, Translation3, UnitQuaternion, Vector3};
 
-use crate::geometry::Pose;
+use crate::geometry::{Pose, nearest_rotation};
 use crate::{Error, Result};
 
 /// The largest difference between an entry of a given rotation matrix and the
@@ -79,11 +79,4 @@ pub(crate) fn pose_row(pose: &Pose) -> String {
         let _ = write!(row, "{value:.9e}");
     }
     row
-}
-
-/// The rotation that is nearest in the Frobenius norm: `U V^T` of `U S V^T`.
-fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<Rotation3<f64>> {
-    let svd = matrix.try_svd(true, true, f64::EPSILON, 100)?;
-    let rotation = svd.u? * svd.v_t?;
-    (rotation.determinant() > 0.0).then(|| Rotation3::from_matrix_unchecked(rotation))
 }

@@ -1,9 +1,9 @@
 //! A map against the truth of a generated drive.
 
-use common::geometry::{Pose, above, distance_from_above_m};
+use common::geometry::{Pose, above, distance_from_above_m, nearest_rotation};
 use common::map::{LaneKind, LaneLine, Pole, PoleKind, RoadId, SemanticMap, Sign, SignKind};
 use fixtures::truth::{TrueLane, TruePole, Truth};
-use nalgebra::{Matrix3, Point2, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::matching::one_to_one;
 
@@ -119,7 +119,9 @@ pub fn alignment(built: &[Pose], exact: &[Pose]) -> Pose {
             spread += (b.rotation * axis) * (a.rotation * axis).transpose() * ARM_M * ARM_M;
         }
     }
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&spread));
+    // The axes of two trajectories of one drive never mirror each other.
+    let rotation = nearest_rotation(&spread)
+        .map_or_else(UnitQuaternion::identity, |rotation| UnitQuaternion::from_rotation_matrix(&rotation));
     Pose::from_parts(Translation3::from(to - rotation * from), rotation)
 }
 

@@ -8,4 +8,4 @@ mod pose;
 pub use camera::PinholeCamera;
 pub use line::ImageLine;
 pub use polyline::{above, distance_from_above_m, distance_to_polyline, distance_to_segment};
-pub use pose::{Pose, PoseParameters, Tangent, interpolate, local, retract};
+pub use pose::{Pose, PoseParameters, Tangent, interpolate, local, nearest_rotation, retract};

@@ -1,6 +1,6 @@
 //! 6-DOF poses: a rotation manifold inside, the paper's parameters outside.
 
-use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3, Vector6};
 
 /// A rigid transform, named `a_from_b` wherever it stands.
 pub type Pose = Isometry3<f64>;
@@ -80,6 +80,15 @@ pub fn interpolate(a: &Pose, b: &Pose, fraction: f64) -> Pose {
     retract(a, &(local(a, b) * fraction))
 }
 
+/// The rotation that is nearest to a matrix in the Frobenius norm: `U V^T` of
+/// `U S V^T`. None where that mirrors, and for what is not finite. Ends after a
+/// known number of steps, as `Rotation3::from_matrix` does not.
+pub fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<Rotation3<f64>> {
+    let svd = matrix.try_svd(true, true, f64::EPSILON, 100)?;
+    let rotation = svd.u? * svd.v_t?;
+    (rotation.determinant() > 0.0).then(|| Rotation3::from_matrix_unchecked(rotation))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -99,6 +108,17 @@ mod tests {
     }
 
     proptest! {
+        /// Of a scaled rotation that noise disturbs: never worse than its origin.
+        #[test]
+        fn the_nearest_rotation_is_no_farther_than_another(p in parameters(), scale in 1e-3..1e6_f64, noise in prop::array::uniform9(-0.2..0.2_f64)) {
+            let rotation = p.to_pose().rotation.to_rotation_matrix();
+            let disturbed = (rotation.matrix() + Matrix3::from_row_slice(&noise)) * scale;
+            let nearest = nearest_rotation(&disturbed).unwrap();
+            let off = |r: &Rotation3<f64>| (r.matrix() * scale - disturbed).norm();
+            prop_assert!(off(&nearest) <= off(&rotation) * (1.0 + 1e-9));
+            prop_assert!((nearest.matrix() * nearest.matrix().transpose() - Matrix3::identity()).amax() < 1e-9);
+        }
+
         #[test]
         fn parameters_survive_the_pose(p in parameters()) {
             let q = PoseParameters::from_pose(&p.to_pose());

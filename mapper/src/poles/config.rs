@@ -79,6 +79,10 @@ pub struct PoleConfig {
     pub surface_sigma_m: f64,
     /// Farthest scan from which a pole is expected to be hit, metres.
     pub farthest_m: f64,
+    /// A pole has been hit from within this, metres: farther off neighbouring beams
+    /// are wider apart than columns, and what stands beside it goes unseen. What
+    /// lies ahead of the last scan is seen so, and what most scans do not see.
+    pub hit_within_m: f64,
     /// Least share of the expected points: fewer mean that a hedge or a fence
     /// stands before it, and that no camera sees it.
     pub least_visibility: f64,
@@ -135,7 +139,8 @@ pub struct PoleConfig {
     /// signs, and are measured to 2 cm.
     pub slender_m: f64,
     /// Share of a cylinder of 1 m radius above the upper end that is filled
-    /// by the crown of a tree.
+    /// by the crown of a tree; over what ends below any sign also of the free space
+    /// around it, for what stands beside is no crown.
     pub crown_share: f64,
     /// Lowest top, metres above ground: grass and stones are lower.
     pub lowest_top_m: f64,
@@ -256,6 +261,7 @@ impl Default for PoleConfig {
             thickest_m: 0.35,
             surface_sigma_m: 0.02,
             farthest_m: 40.0,
+            hit_within_m: 30.0,
             least_visibility: 0.08,
             least_visibility_before: 0.25,
             stands_out: 1.5,

@@ -133,7 +133,7 @@ fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> boo
         && pole.radius_m <= config.thickest_m
         && pole.scans >= config.fewest_scans
         && (pole.reflectance >= config.least_reflectance || !is_glimpse(pole, config))
-        && (pole.was_near || pole.foot_height_m <= 0.0)
+        && pole.nearest_m <= config.hit_within_m
         && pole.foot_height_m <= highest_foot_m
         && pole.visibility >= if is_amid { least_visibility_amid } else { config.least_visibility }
         && pole.top_height_m >= config.lowest_top_m
@@ -188,16 +188,32 @@ fn is_equipped_post(pole: &FittedPole, config: &PoleConfig) -> bool {
 
 /// Whether something is above the upper end and around it.
 fn has_crown(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> bool {
-    let top = pole.top_height_m;
-    let above = top..top + 1.5;
-    stacks.filled_share(&Point2::new(pole.top.x, pole.top.z), above, 1.0) >= config.crown_share
+    is_filled_above(pole, stacks, 0.0, CROWN_RADIUS_M, config)
+}
+
+/// Whether something is right over the upper end, its own cap aside: a stem goes
+/// on into its crown, while what stands by a bollard is beside and behind it.
+fn is_under_crown(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> bool {
+    is_filled_above(pole, stacks, 2.0 * config.slice_m, config.ring_inner_m, config)
+}
+
+/// Height over the upper end up to which a crown is looked for, and half its
+/// width, metres.
+const CROWN_HEIGHT_M: f64 = 1.5;
+const CROWN_RADIUS_M: f64 = 1.0;
+
+fn is_filled_above(pole: &FittedPole, stacks: &Stacks, from_m: f64, radius_m: f64, config: &PoleConfig) -> bool {
+    let heights_m = pole.top_height_m + from_m..pole.top_height_m + CROWN_HEIGHT_M;
+    stacks.filled_share(&Point2::new(pole.top.x, pole.top.z), heights_m, radius_m) >= config.crown_share
 }
 
 fn kind_of(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> PoleKind {
     let top = pole.top_height_m;
     // People beside it and the hedge behind it are no crown of a post with
-    // sheeting on it.
-    let is_tree = !is_equipped_post(pole, config) && has_crown(pole, stacks, config);
+    // sheeting on it. Parked cars are higher than bollards, and stand by them.
+    let is_tree = !is_equipped_post(pole, config)
+        && has_crown(pole, stacks, config)
+        && (!pole.is_short(config) || is_under_crown(pole, stacks, config));
     if is_tree || pole.radius_m > config.trunk_radius_m {
         PoleKind::Trunk
     } else if top <= config.delineator_top_m {

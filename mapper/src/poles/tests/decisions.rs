@@ -1,0 +1,142 @@
+//! What is said of poles that were fitted.
+
+use nalgebra::Vector3;
+
+use super::*;
+
+/// The face of a wall or a hedge along the road, that all scans see.
+fn add_face(street: &mut Street, x: f64, z: std::ops::Range<f64>, height_m: f64) {
+    let steps = |length_m: f64| (length_m / 0.05) as u32;
+    for (i, k) in (0..steps(z.end - z.start)).flat_map(|i| (0..steps(height_m)).map(move |k| (i, k))) {
+        let p = Point3::new(x, CAMERA_HEIGHT_M - f64::from(k) * 0.05, z.start + f64::from(i) * 0.05);
+        street.add(p, ((7 * i + 3 * k) % 10) as u16, 0.3, None);
+    }
+}
+
+/// A slender pole that stands free, and where it was found.
+fn slender() -> (FittedPole, Stack) {
+    let mut street = Street::new();
+    let foot = Point3::new(5.0, CAMERA_HEIGHT_M, 28.0);
+    post(&mut street, foot, 3.0, 0.03);
+    let pole = found(street).swap_remove(0).1;
+    let stack = Stack::under_reflector(Point2::new(foot.x, foot.z), 2.8, &PoleConfig::default());
+    (pole, stack)
+}
+
+#[test]
+fn what_is_narrow_and_reaches_far_along_the_view_is_a_wall_seen_edge_on() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let is_pole =
+        |radius_m: f64, spread_m: f64| is_pole(&FittedPole { radius_m, spread_m, ..pole.clone() }, &stack, &config);
+    assert!(is_pole(config.thinnest_m, 0.03) && !is_pole(config.thinnest_m, 0.075) && is_pole(0.06, 0.075));
+}
+
+#[test]
+fn a_trunk_that_goes_on_above_the_field_of_view_does_not_end_below_any_sign() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let is_pole = |top_height_m: f64, radius_m: f64, top_is_open: bool| {
+        is_pole(&FittedPole { top_height_m, radius_m, top_is_open, ..pole.clone() }, &stack, &config)
+    };
+    assert!(is_pole(1.7, 0.17, true) && !is_pole(1.7, 0.17, false) && is_pole(1.7, 0.05, false));
+    // From 30 m, the farthest place, the highest beam meets it 2.9 m above ground.
+    let is_open = |height_m: f64| {
+        let mut street = Street::new();
+        post(&mut street, Point3::new(12.0, CAMERA_HEIGHT_M, 28.0), height_m, 0.05);
+        found(street).swap_remove(0).1.top_is_open
+    };
+    assert!(!is_open(2.3) && is_open(2.8));
+}
+
+#[test]
+fn a_glimpse_by_two_of_many_scans_makes_no_pole() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let is_pole = |points: usize, scans: usize, scans_near: usize, reflectance: f32| {
+        is_pole(&FittedPole { points, scans, scans_near, reflectance, ..pole.clone() }, &stack, &config)
+    };
+    assert!(!is_pole(12, 2, 12, 0.3));
+    // A short drive, a third scan, more hits, sheeting.
+    assert!(is_pole(12, 2, 3, 0.3) && is_pole(12, 3, 12, 0.3) && is_pole(40, 2, 12, 0.3) && is_pole(12, 2, 12, 0.99));
+}
+
+#[test]
+fn what_is_attached_half_its_length_has_to_be_seen_well_even_with_sheeting() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let is_pole = |attached_share: f64, visibility: f64| {
+        is_pole(&FittedPole { attached_share, visibility, reflectance: 0.99, ..pole.clone() }, &stack, &config)
+    };
+    // The lamp of a parked car, and a delineator in a hedge.
+    assert!(!is_pole(1.0, 0.15) && is_pole(1.0, 0.6) && is_pole(0.2, 0.15));
+}
+
+#[test]
+fn pipes_and_jambs_are_of_their_wall_and_a_mast_in_a_hedge_is_a_pole() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let is_pole = |low_m: f64, is_before: bool, radius_m: f64, attached_share: f64| {
+        let mut stack = stack;
+        (stack.low_m, stack.is_before) = (low_m, is_before);
+        let pole = FittedPole { radius_m, attached_share, visibility: 1.0, ..pole.clone() };
+        is_pole(&pole, &stack, &config)
+    };
+    // Attached higher than hedges are, as high as they are, and hardly.
+    assert!(!is_pole(2.4, false, 0.05, 0.4) && is_pole(1.6, false, 0.05, 0.6) && is_pole(2.4, false, 0.05, 0.1));
+    // Close before a wall: thick, and slender.
+    assert!(!is_pole(0.2, true, 0.1, 0.4) && is_pole(0.2, true, 0.04, 0.4));
+    // Free near the ground, and attached above.
+    assert!(!is_pole(0.2, false, 0.05, 0.6) && is_pole(0.2, false, 0.05, 0.4));
+}
+
+#[test]
+fn a_stem_that_ends_below_the_top_of_hedges_is_of_the_one_behind_it() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let mut street = Street::new();
+    for depth in 0..4 {
+        add_face(&mut street, 5.3 + 0.15 * f64::from(depth), 20.0..36.0, 3.2);
+    }
+    let cloud = street.cloud();
+    let stacks = Stacks::new(&cloud.points, cloud.ground.grid(), &config);
+    let is_of_hedge = |top_height_m: f64, is_before: bool, reflectance: f32| {
+        let mut stack = stack;
+        stack.is_before = is_before;
+        let pole = FittedPole { top_height_m, reflectance, ..pole.clone() };
+        is_of_what_is_behind(&pole, &stack, &stacks, &config)
+    };
+    assert!(is_of_hedge(1.9, true, 0.3));
+    // A post that rises above, one that stands free, one with sheeting.
+    assert!(!is_of_hedge(2.5, true, 0.3) && !is_of_hedge(1.9, false, 0.3) && !is_of_hedge(1.9, true, 0.99));
+}
+
+#[test]
+fn what_was_hit_from_afar_only_is_not_known_to_stand_free() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let is_pole = |nearest_m: f64| is_pole(&FittedPole { nearest_m, ..pole.clone() }, &stack, &config);
+    assert!(is_pole(29.0) && !is_pole(31.0));
+}
+
+#[test]
+fn a_bollard_beside_a_parked_car_is_no_trunk_and_a_stem_under_a_bush_is() {
+    let config = PoleConfig::default();
+    let pole = FittedPole { top_height_m: 0.9, radius_m: 0.05, top_is_open: false, ..slender().0 };
+    let kind = |street: Street| {
+        let cloud = street.cloud();
+        kind_of(&pole, &Stacks::new(&cloud.points, cloud.ground.grid(), &config), &config)
+    };
+    let mut beside = Street::new();
+    for depth in 0..3 {
+        add_face(&mut beside, 5.5 + 0.15 * f64::from(depth), 20.0..36.0, 1.6);
+    }
+    assert_eq!(kind(beside), PoleKind::Delineator);
+    let mut under = Street::new();
+    for k in 0..4000_u32 {
+        let spread = |step: u32| f64::from(k * step % 401) / 401.0 - 0.5;
+        let at = Vector3::new(1.4 * spread(7), 0.55 * spread(131) - 1.6, 1.4 * spread(53));
+        under.add(Point3::new(5.0, CAMERA_HEIGHT_M, 28.0) + at, (k % 10) as u16, 0.3, None);
+    }
+    assert_eq!(kind(under), PoleKind::Trunk);
+}

@@ -105,6 +105,9 @@ pub struct LaneConfig {
     /// Longest stretch without a point of paint that paint goes on over where
     /// the road is hardly seen, metres.
     pub longest_unseen_m: f64,
+    /// Longest stretch that a solid line goes on over where the road was seen to be
+    /// bare, metres: worn. The mouths of side streets are wider.
+    pub longest_bare_m: f64,
     /// Least share of the bins of a solid line with a point of paint: of what
     /// was seen less often nobody knows where its gaps are.
     pub least_seen_share: f64,
@@ -214,6 +217,7 @@ impl Default for LaneConfig {
             shortest_dash_m: 0.9,
             shortest_dashed_m: 18.0,
             longest_unseen_m: 4.0,
+            longest_bare_m: 8.0,
             least_seen_share: 0.4,
             longest_dash_m: 9.5,
             wall_m: [0.25, 1.5],

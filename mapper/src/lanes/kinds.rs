@@ -23,28 +23,29 @@ pub fn stretches(bins: &[Bin], config: &LaneConfig) -> Vec<Stretch> {
 
 /// The stretches of a group of runs that follow each other.
 fn cut(group: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> Vec<Stretch> {
-    let solid = are_solid(group, bins, config);
-    let parts: Vec<(bool, &[Range<usize>])> = {
-        let mut start = 0;
-        solid
-            .chunk_by(|a, b| a == b)
-            .map(|part| {
-                start += part.len();
-                (part[0], &group[start - part.len()..start])
-            })
-            .collect()
-    };
-    // Few dashes beside a solid run are part of it.
-    let has_solid = solid.contains(&true);
+    let known: Vec<(bool, &Range<usize>)> = are_solid(group, bins, config).into_iter().zip(group).collect();
+    let parts: Vec<(bool, Vec<&Range<usize>>)> = known
+        .chunk_by(|a, b| a.0 == b.0 && !(a.0 && is_bare(a.1.end..b.1.start, bins, config)))
+        .map(|part| (part[0].0, part.iter().map(|(_, run)| *run).collect()))
+        .collect();
     let mut stretches: Vec<Stretch> = Vec::new();
-    for (is_solid, part) in parts {
+    for (i, (is_solid, part)) in parts.iter().enumerate() {
         let (Some(first), Some(last)) = (part.first(), part.last()) else { continue };
-        let is_solid = is_solid || (has_solid && part.len() < config.fewest_dashes);
+        // Few dashes beside a solid run are part of it.
+        let after_solid = stretches.last().is_some_and(|(before, range)| {
+            *before == LaneKind::Solid && !is_bare(range.end..first.start, bins, config)
+        });
+        let before_solid = || {
+            let next = parts.get(i + 1).and_then(|(_, next)| next.first());
+            next.is_some_and(|next| !is_bare(last.end..next.start, bins, config))
+        };
+        let is_solid = *is_solid || (part.len() < config.fewest_dashes && (after_solid || before_solid()));
         if !is_solid && !are_dashes(part, config) {
             continue;
         }
         let kind = if is_solid { LaneKind::Solid } else { LaneKind::Dashed };
         match stretches.last_mut() {
+            Some((LaneKind::Solid, _)) if is_solid && !after_solid => stretches.push((kind, first.start..last.end)),
             Some((before, range)) if *before == kind => range.end = last.end,
             // The dashed one reaches up to the solid one.
             Some((before, range)) => {
@@ -56,6 +57,13 @@ fn cut(group: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> Vec<Stretch
         }
     }
     stretches
+}
+
+/// Whether the road between two runs was seen to have no paint: a solid line
+/// ends there, and is not worn or hidden.
+fn is_bare(gap: Range<usize>, bins: &[Bin], config: &LaneConfig) -> bool {
+    let seen = bins[gap.clone()].iter().filter(|b| b.core.road > 0.0).count() as f64;
+    gap.len() as f64 * config.profile_m > config.longest_bare_m && seen >= config.least_seen_share * gap.len() as f64
 }
 
 /// Which runs are solid: the long ones. Long ones that were hardly seen may
@@ -83,12 +91,52 @@ fn are_solid(group: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> Vec<b
 
 /// Whether runs of paint are the dashes of a line: enough of them, half of
 /// them as long as a dash, and not too far apart.
-fn are_dashes(part: &[Range<usize>], config: &LaneConfig) -> bool {
+fn are_dashes(part: &[&Range<usize>], config: &LaneConfig) -> bool {
     let (Some(first), Some(last)) = (part.first(), part.last()) else { return false };
-    let painted: usize = part.iter().map(ExactSizeIterator::len).sum();
-    let mut lengths: Vec<usize> = part.iter().map(ExactSizeIterator::len).collect();
+    let painted: usize = part.iter().map(|run| run.len()).sum();
+    let mut lengths: Vec<usize> = part.iter().map(|run| run.len()).collect();
     lengths.sort_unstable();
     part.len() >= config.fewest_dashes
         && lengths[lengths.len() / 2] as f64 * config.profile_m >= config.shortest_dash_m
         && painted as f64 >= config.least_painted * (last.end - first.start) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::profile::Share;
+    use super::*;
+
+    /// Bins of a line: lengths, metres, whether painted, and road points of each.
+    fn line(parts: &[(f64, bool, f64)], config: &LaneConfig) -> Vec<Bin> {
+        let bins_of = |(length_m, painted, road): &(f64, bool, f64)| {
+            let core = Share { bright: if *painted { *road } else { 0.0 }, road: *road };
+            vec![Bin { painted: *painted, core, ..Bin::default() }; (length_m / config.profile_m) as usize]
+        };
+        parts.iter().flat_map(bins_of).collect()
+    }
+
+    #[test]
+    fn a_solid_line_ends_at_a_bare_road_and_goes_on_where_it_is_worn_or_hidden() {
+        let config = LaneConfig::default();
+        let length_m = |gap_m: f64, road: f64| {
+            let parts =
+                [(20.0, true, 4.0), (gap_m, false, road), (2.0, true, 4.0), (0.5, false, 4.0), (2.0, true, 4.0)];
+            let stretches = stretches(&line(&parts, &config), &config);
+            assert!(stretches.iter().all(|(kind, _)| *kind == LaneKind::Solid));
+            stretches.iter().map(|(_, range)| range.len() as f64 * config.profile_m).collect::<Vec<f64>>()
+        };
+        // A mouth with the blocks of a ford behind it; wear; a parked lorry.
+        assert_eq!(length_m(10.0, 4.0), [20.0]);
+        assert_eq!(length_m(6.0, 4.0), [30.5]);
+        assert_eq!(length_m(10.0, 0.0), [34.5]);
+    }
+
+    #[test]
+    fn two_solid_lines_are_cut_where_the_road_between_them_is_bare() {
+        let config = LaneConfig::default();
+        let count = |road: f64| {
+            stretches(&line(&[(20.0, true, 4.0), (10.0, false, road), (20.0, true, 4.0)], &config), &config).len()
+        };
+        assert_eq!((count(4.0), count(0.0)), (2, 1));
+    }
 }

@@ -21,8 +21,8 @@ pub struct FordConfig {
     /// Share of the cells that have to be seen: rings of one scan lie as far
     /// apart as blocks, and show what is there as if it were blocks.
     pub least_seen_share: f64,
-    /// Lengths of the runs that are asked, metres: a ford is as wide as a side
-    /// street with its corners. Shorter runs are dashes, of which too few cells
+    /// Lengths of the rows that are asked, metres: a ford is as wide as a side
+    /// street with its corners. Shorter ones are dashes, of which too few cells
     /// are seen.
     pub lengths_m: [f64; 2],
     /// Strength of the strongest period, as a share of the points of paint of a
@@ -49,7 +49,7 @@ impl Default for FordConfig {
             periods_m: [0.5, 1.25],
             cell_m: 0.1,
             least_seen_share: 0.7,
-            lengths_m: [8.0, 30.0],
+            lengths_m: [7.0, 30.0],
             largest_periodic_share: 0.55,
             across_m: [0.35, 1.35],
             largest_across_share: 0.15,
@@ -63,7 +63,7 @@ impl Default for FordConfig {
 /// resolution, not a choice.
 const STEP: f64 = 0.25;
 
-/// Whether a run of paint consists of blocks: its share of paint, cell by cell,
+/// Whether a row of paint consists of blocks: its share of paint, cell by cell,
 /// repeats with a period (Schuster 1898).
 pub fn is_ford(run: &[Bin], paint: &Paint, config: &LaneConfig) -> bool {
     let length_m = run.len() as f64 * config.profile_m;

@@ -138,10 +138,15 @@ pub struct PoleConfig {
     /// Largest radius of a slender post, metres: tubes of 60 and 76 mm carry
     /// signs, and are measured to 2 cm.
     pub slender_m: f64,
-    /// Share of a cylinder of 1 m radius above the upper end that is filled
-    /// by the crown of a tree; over what ends below any sign also of the free space
-    /// around it, for what stands beside is no crown.
+    /// Share of the space around the upper end, up to `crown_height_m` over it and
+    /// within `crown_radii_m`, that is filled by the crown of a tree.
     pub crown_share: f64,
+    /// Height over the upper end up to which a crown is looked for, metres.
+    pub crown_height_m: f64,
+    /// Distances from the axis between which it is, metres: plates of signs reach
+    /// half a metre from their post. What is nearer is a plate where it covers the
+    /// post, and a crown that is seen from below where it does not.
+    pub crown_radii_m: [f64; 2],
     /// Lowest top, metres above ground: grass and stones are lower.
     pub lowest_top_m: f64,
     /// Least free length of a pole that does not reach the ground, metres.
@@ -284,6 +289,8 @@ impl Default for PoleConfig {
             post_radius_m: 0.12,
             slender_m: 0.06,
             crown_share: 0.015,
+            crown_height_m: 1.5,
+            crown_radii_m: [0.6, 1.0],
             lowest_top_m: 0.75,
             least_free_hanging_m: 1.1,
             largest_attached_share: 0.5,

@@ -11,6 +11,8 @@ mod stacks;
 #[cfg(test)]
 mod tests;
 
+use std::ops::Range;
+
 use common::map::PoleKind;
 use nalgebra::Point2;
 use rayon::prelude::*;
@@ -186,25 +188,23 @@ fn is_equipped_post(pole: &FittedPole, config: &PoleConfig) -> bool {
     pole.reflectance >= config.sheeting_reflectance && pole.radius_m <= config.thickest_short_m
 }
 
-/// Whether something is above the upper end and around it.
+/// Whether something is above the upper end and around it. Within the reach of a
+/// plate it is one where it is right over the post.
 fn has_crown(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> bool {
-    is_filled_above(pole, stacks, 0.0, CROWN_RADIUS_M, config)
+    let [near_m, far_m] = config.crown_radii_m;
+    is_filled_above(pole, stacks, 0.0, near_m..far_m, config)
+        || (is_filled_above(pole, stacks, 0.0, 0.0..far_m, config) && !is_covered(pole, stacks, config))
 }
 
-/// Whether something is right over the upper end, its own cap aside: a stem goes
-/// on into its crown, while what stands by a bollard is beside and behind it.
-fn is_under_crown(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> bool {
-    is_filled_above(pole, stacks, 2.0 * config.slice_m, config.ring_inner_m, config)
+/// Whether something is right over the upper end, its own cap aside: a plate, or
+/// the crown that a stem goes on into. What stands by a bollard is beside it.
+fn is_covered(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> bool {
+    is_filled_above(pole, stacks, 2.0 * config.slice_m, 0.0..config.ring_inner_m, config)
 }
 
-/// Height over the upper end up to which a crown is looked for, and half its
-/// width, metres.
-const CROWN_HEIGHT_M: f64 = 1.5;
-const CROWN_RADIUS_M: f64 = 1.0;
-
-fn is_filled_above(pole: &FittedPole, stacks: &Stacks, from_m: f64, radius_m: f64, config: &PoleConfig) -> bool {
-    let heights_m = pole.top_height_m + from_m..pole.top_height_m + CROWN_HEIGHT_M;
-    stacks.filled_share(&Point2::new(pole.top.x, pole.top.z), heights_m, radius_m) >= config.crown_share
+fn is_filled_above(pole: &FittedPole, stacks: &Stacks, from_m: f64, radii_m: Range<f64>, config: &PoleConfig) -> bool {
+    let heights_m = pole.top_height_m + from_m..pole.top_height_m + config.crown_height_m;
+    stacks.filled_share(&Point2::new(pole.top.x, pole.top.z), heights_m, radii_m) >= config.crown_share
 }
 
 fn kind_of(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> PoleKind {
@@ -213,7 +213,7 @@ fn kind_of(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> PoleKind 
     // sheeting on it. Parked cars are higher than bollards, and stand by them.
     let is_tree = !is_equipped_post(pole, config)
         && has_crown(pole, stacks, config)
-        && (!pole.is_short(config) || is_under_crown(pole, stacks, config));
+        && (!pole.is_short(config) || is_covered(pole, stacks, config));
     if is_tree || pole.radius_m > config.trunk_radius_m {
         PoleKind::Trunk
     } else if top <= config.delineator_top_m {

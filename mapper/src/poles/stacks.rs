@@ -303,13 +303,13 @@ impl Stacks {
         })
     }
 
-    /// Share of the voxels of an upright cylinder that are occupied; heights
-    /// above ground.
-    pub fn filled_share(&self, at: &Point2<f64>, heights_m: Range<f64>, radius_m: f64) -> f64 {
+    /// Share of the voxels of an upright tube that are occupied: between two radii,
+    /// metres; heights above ground.
+    pub fn filled_share(&self, at: &Point2<f64>, heights_m: Range<f64>, radii_m: Range<f64>) -> f64 {
         let Some((x, z)) = self.grid.cell(at) else { return 0.0 };
         let slice = |h: f64| ((h - self.lowest_m) / self.slice_m).clamp(0.0, SLICES as f64) as usize;
         let wanted = slice(heights_m.start)..slice(heights_m.end);
-        let steps = around(0.0, radius_m, self.grid.cell_m);
+        let steps = around(radii_m.start, radii_m.end, self.grid.cell_m);
         let of_column = |i: usize| wanted.clone().filter(|s| self.filled_in(i..i + 1) & (1_u64 << s) != 0).count();
         let filled: usize = self.around((x, z), &spans(&steps)).flatten().map(of_column).sum();
         filled as f64 / (steps.len() * wanted.len()).max(1) as f64

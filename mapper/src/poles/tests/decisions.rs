@@ -140,3 +140,21 @@ fn a_bollard_beside_a_parked_car_is_no_trunk_and_a_stem_under_a_bush_is() {
     }
     assert_eq!(kind(under), PoleKind::Trunk);
 }
+
+#[test]
+fn a_plate_over_a_post_is_no_crown_and_what_is_around_it_is() {
+    let config = PoleConfig::default();
+    let pole = FittedPole { top_height_m: 2.2, radius_m: 0.03, reflectance: 0.5, ..slender().0 };
+    let kind = |half_m: f64, apart_m: f64| {
+        let mut street = Street::new();
+        for k in 0..4000_u32 {
+            let spread = |step: u32| 2.0 * f64::from(k * step % 401) / 401.0 - 1.0;
+            let at = Vector3::new(half_m * spread(7), 0.35 * spread(131) - 2.55, apart_m * spread(53).signum());
+            street.add(Point3::new(5.0, CAMERA_HEIGHT_M, 28.0) + at, (k % 10) as u16, 0.3, None);
+        }
+        let cloud = street.cloud();
+        kind_of(&pole, &Stacks::new(&cloud.points, cloud.ground.grid(), &config), &config)
+    };
+    // A plate of 0.6 m, and branches 0.8 m to both sides.
+    assert_eq!((kind(0.3, 0.0), kind(0.3, 0.8)), (PoleKind::SignPost, PoleKind::Trunk));
+}

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::*;
 
 /// The face of a wall or a hedge along the road, that all scans see.
-fn add_face(street: &mut Street, x: f64, z: std::ops::Range<f64>, height_m: f64) {
+fn add_face(street: &mut Street, x: f64, z: Range<f64>, height_m: f64) {
     let steps = |length_m: f64| (length_m / 0.05) as u32;
     for (i, k) in (0..steps(z.end - z.start)).flat_map(|i| (0..steps(height_m)).map(move |k| (i, k))) {
         let p = Point3::new(x, CAMERA_HEIGHT_M - f64::from(k) * 0.05, z.start + f64::from(i) * 0.05);

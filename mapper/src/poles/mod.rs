@@ -183,9 +183,9 @@ fn is_of_what_is_behind(pole: &FittedPole, stack: &Stack, stacks: &Stacks, confi
         && has_crown(pole, stacks, config)
 }
 
-/// Whether it is a slender post with sheeting on it.
+/// Whether it is a post with sheeting on it.
 fn is_equipped_post(pole: &FittedPole, config: &PoleConfig) -> bool {
-    pole.reflectance >= config.sheeting_reflectance && pole.radius_m <= config.thickest_short_m
+    pole.reflectance >= config.sheeting_reflectance && pole.radius_m <= config.post_radius_m
 }
 
 /// Whether something is above the upper end and around it. Within the reach of a

@@ -142,6 +142,24 @@ fn a_bollard_beside_a_parked_car_is_no_trunk_and_a_stem_under_a_bush_is() {
 }
 
 #[test]
+fn a_delineator_in_a_hedge_is_no_trunk_though_leaves_make_it_wide() {
+    let config = PoleConfig::default();
+    let mut street = Street::new();
+    for depth in 0..9 {
+        add_face(&mut street, 4.4 + 0.15 * f64::from(depth), 20.0..36.0, 1.8);
+    }
+    let cloud = street.cloud();
+    let stacks = Stacks::new(&cloud.points, cloud.ground.grid(), &config);
+    let pole = FittedPole { top_height_m: 1.1, top_is_open: false, ..slender().0 };
+    let kind = |radius_m: f64, reflectance: f32| {
+        kind_of(&FittedPole { radius_m, reflectance, ..pole.clone() }, &stacks, &config)
+    };
+    assert_eq!(kind(0.1, 0.99), PoleKind::Delineator);
+    // Without a reflector, and thicker than any post.
+    assert_eq!((kind(0.1, 0.5), kind(0.15, 0.99)), (PoleKind::Trunk, PoleKind::Trunk));
+}
+
+#[test]
 fn a_plate_over_a_post_is_no_crown_and_what_is_around_it_is() {
     let config = PoleConfig::default();
     let pole = FittedPole { top_height_m: 2.2, radius_m: 0.03, reflectance: 0.5, ..slender().0 };

@@ -196,7 +196,7 @@ impl Default for LaneConfig {
             worn_share: 0.6,
             least_worn_ratio: 3.0,
             least_clear_share: 0.5,
-            least_bright_share: 0.22,
+            least_bright_share: 0.2,
             least_bare_share: 0.02,
             least_share_ratio: 4.0,
             most_bin_points: 6,

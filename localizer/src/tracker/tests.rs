@@ -21,6 +21,7 @@ struct Run {
     errors_m: Vec<f64>,
     statuses: Vec<Status>,
     poses: Vec<Pose>,
+    margins: Vec<f64>,
 }
 
 impl Run {
@@ -48,7 +49,7 @@ fn run_with(config: &Config, world: &World, gps: &GpsConfig, seed: u64, mishap: 
     let mut map = LocalMap::whole(world.map.clone());
     let fixes = simulate(&world.truth[..gps.simulated_fixes], gps, seed);
     let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, config);
-    let mut run = Run { errors_m: Vec::new(), statuses: Vec::new(), poses: Vec::new() };
+    let mut run = Run { errors_m: Vec::new(), statuses: Vec::new(), poses: Vec::new(), margins: Vec::new() };
     for frame in 0..world.truth.len() {
         (mishap.before)(frame, &mut tracker);
         let shown = (mishap.shows)(frame).min(world.truth.len() - 1);
@@ -59,6 +60,7 @@ fn run_with(config: &Config, world: &World, gps: &GpsConfig, seed: u64, mishap: 
         run.errors_m.push(off.fixed_rows::<3>(0).norm());
         run.statuses.push(estimate.status);
         run.poses.push(estimate.map_from_camera);
+        run.margins.push(estimate.margin);
     }
     run
 }
@@ -274,4 +276,18 @@ fn rivals_that_are_given_up_early_would_have_been_none() {
     let (early, late) = (of(&Config::default()), of(&patient));
     assert_eq!(early.poses, late.poses);
     assert!(early.statuses == late.statuses);
+    // What is no rival is none that the best is ahead of, either.
+    assert_eq!(early.margins, late.margins);
+}
+
+#[test]
+fn what_has_not_led_for_some_frames_is_not_called_ok() {
+    let first_ok = |led_frames: usize| {
+        let health = HealthConfig { led_frames, ..HealthConfig::default() };
+        run_with(&Config { health, ..Config::default() }, &World::new(street()), &GpsConfig::default(), 3, &NONE)
+            .ok_from(0)
+    };
+    let (soon, late) = (first_ok(0).unwrap(), first_ok(20).unwrap());
+    // The first frame is the first that it leads.
+    assert!(soon < 19 && late >= 19, "{soon} {late}");
 }

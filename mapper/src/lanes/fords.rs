@@ -26,7 +26,7 @@ pub struct FordConfig {
     /// are seen.
     pub lengths_m: [f64; 2],
     /// Strength of the strongest period, as a share of the points of paint of a
-    /// run, from which on it consists of blocks: those of 0.5 m with gaps of
+    /// row, from which on it consists of blocks: those of 0.5 m with gaps of
     /// 0.2 m have 0.7, solid lines some 0.2.
     pub largest_periodic_share: f64,
     /// Where beside a line the next bars of a crossing are, metres: bars and
@@ -65,13 +65,13 @@ const STEP: f64 = 0.25;
 
 /// Whether a row of paint consists of blocks: its share of paint, cell by cell,
 /// repeats with a period (Schuster 1898).
-pub fn is_ford(run: &[Bin], paint: &Paint, config: &LaneConfig) -> bool {
-    let length_m = run.len() as f64 * config.profile_m;
+pub fn is_ford(row: &[Bin], paint: &Paint, config: &LaneConfig) -> bool {
+    let length_m = row.len() as f64 * config.profile_m;
     let fords = &config.fords;
     if !(fords.lengths_m[0]..fords.lengths_m[1]).contains(&length_m) {
         return false;
     }
-    let shares = shares(run, paint, config);
+    let shares = shares(row, paint, config);
     if (shares.len() as f64) * fords.cell_m < fords.least_seen_share * length_m {
         return false;
     }
@@ -91,14 +91,14 @@ pub fn is_ford(run: &[Bin], paint: &Paint, config: &LaneConfig) -> bool {
         .any(|per_m| strength(per_m) > fords.largest_periodic_share * sum)
 }
 
-/// Share of paint among the road points on the core of a run, in the cells of
+/// Share of paint among the road points on the core of a row, in the cells of
 /// its length that were seen: station, metres, and share.
-fn shares(run: &[Bin], paint: &Paint, config: &LaneConfig) -> Vec<(f64, f64)> {
-    let Some(start_m) = run.first().map(|bin| bin.station_m - config.profile_m / 2.0) else { return Vec::new() };
+fn shares(row: &[Bin], paint: &Paint, config: &LaneConfig) -> Vec<(f64, f64)> {
+    let Some(start_m) = row.first().map(|bin| bin.station_m - config.profile_m / 2.0) else { return Vec::new() };
     let cell_m = config.fords.cell_m;
-    let mut cells = vec![(0.0, 0.0); (run.len() as f64 * config.profile_m / cell_m).ceil() as usize + 1];
+    let mut cells = vec![(0.0, 0.0); (row.len() as f64 * config.profile_m / cell_m).ceil() as usize + 1];
     let cell = |station_m: f64| ((station_m - start_m) / cell_m).max(0.0) as usize;
-    for bin in run {
+    for bin in row {
         let (from_m, to_m) = (bin.station_m - config.profile_m / 2.0, bin.station_m + config.profile_m / 2.0);
         let is_core = |offset_m: f64| (offset_m - bin.offset_m).abs() <= config.half_core_m;
         for p in between(&paint.bright, from_m, to_m).iter().filter(|p| is_core(p.offset_m)) {

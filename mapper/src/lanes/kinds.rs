@@ -23,11 +23,13 @@ pub fn stretches(bins: &[Bin], config: &LaneConfig) -> Vec<Stretch> {
 
 /// The stretches of a group of runs that follow each other.
 fn cut(group: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> Vec<Stretch> {
-    let known: Vec<(bool, &Range<usize>)> = are_solid(group, bins, config).into_iter().zip(group).collect();
-    let parts: Vec<(bool, Vec<&Range<usize>>)> = known
-        .chunk_by(|a, b| a.0 == b.0 && !(a.0 && is_bare(a.1.end..b.1.start, bins, config)))
-        .map(|part| (part[0].0, part.iter().map(|(_, run)| *run).collect()))
-        .collect();
+    let solid = are_solid(group, bins, config);
+    let goes_on =
+        |i: usize| solid[i] == solid[i - 1] && !(solid[i] && is_bare(group[i - 1].end..group[i].start, bins, config));
+    let starts: Vec<usize> = (0..group.len()).filter(|i| *i == 0 || !goes_on(*i)).collect();
+    let ends = starts.iter().skip(1).copied().chain([group.len()]);
+    let parts: Vec<(bool, &[Range<usize>])> =
+        starts.iter().zip(ends).map(|(start, end)| (solid[*start], &group[*start..end])).collect();
     let mut stretches: Vec<Stretch> = Vec::new();
     for (i, (is_solid, part)) in parts.iter().enumerate() {
         let (Some(first), Some(last)) = (part.first(), part.last()) else { continue };
@@ -91,10 +93,10 @@ fn are_solid(group: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> Vec<b
 
 /// Whether runs of paint are the dashes of a line: enough of them, half of
 /// them as long as a dash, and not too far apart.
-fn are_dashes(part: &[&Range<usize>], config: &LaneConfig) -> bool {
+fn are_dashes(part: &[Range<usize>], config: &LaneConfig) -> bool {
     let (Some(first), Some(last)) = (part.first(), part.last()) else { return false };
-    let painted: usize = part.iter().map(|run| run.len()).sum();
-    let mut lengths: Vec<usize> = part.iter().map(|run| run.len()).collect();
+    let painted: usize = part.iter().map(ExactSizeIterator::len).sum();
+    let mut lengths: Vec<usize> = part.iter().map(ExactSizeIterator::len).collect();
     lengths.sort_unstable();
     part.len() >= config.fewest_dashes
         && lengths[lengths.len() / 2] as f64 * config.profile_m >= config.shortest_dash_m

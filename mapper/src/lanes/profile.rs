@@ -120,11 +120,14 @@ pub fn profile(chain: &Chain, paint: &Paint, config: &LaneConfig) -> (Vec<Bin>, 
     }
     // A worn block breaks a run.
     let worn_m = config.fords.periods_m[1];
-    let all = runs(&bins, config);
-    for row in all.chunk_by(|a, b| (b.start - a.end) as f64 * config.profile_m < worn_m) {
+    let runs = runs(&bins, config);
+    for row in runs.chunk_by(|a, b| (b.start - a.end) as f64 * config.profile_m < worn_m) {
         let (Some(first), Some(last)) = (row.first(), row.last()) else { continue };
-        if is_ford(&bins[first.start..last.end], paint, config) {
-            bins[first.start..last.end].iter_mut().for_each(|b| b.painted = false);
+        let row = &mut bins[first.start..last.end];
+        if is_ford(row, paint, config) {
+            for bin in row {
+                bin.painted = false;
+            }
         }
     }
     (bins, shares)

@@ -35,7 +35,7 @@ pub struct FittedPole {
     /// Points on the free part over those expected were nothing in the way.
     pub visibility: f64,
     /// Range of the nearest hit on it, metres.
-    pub nearest_m: f64,
+    pub nearest_hit_m: f64,
     /// Length of the free part, metres.
     pub free_m: f64,
     /// Whether it ends where the scanners' field of view does.
@@ -284,7 +284,7 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
         scans: seen.free.scans,
         scans_near: near,
         visibility: hit / expected.max(1.0),
-        nearest_m: seen.post.iter().map(|h| h.range).fold(f64::INFINITY, f64::min),
+        nearest_hit_m: seen.post.iter().map(|h| h.range).fold(f64::INFINITY, f64::min),
         free_m: seen.free.length_m(config),
         top_is_open: highest > view.ceiling() - config.open_top_m,
         attached_share: 0.0,

@@ -135,7 +135,7 @@ fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> boo
         && pole.radius_m <= config.thickest_m
         && pole.scans >= config.fewest_scans
         && (pole.reflectance >= config.least_reflectance || !is_glimpse(pole, config))
-        && pole.nearest_m <= config.hit_within_m
+        && pole.nearest_hit_m <= config.hit_within_m
         && pole.foot_height_m <= highest_foot_m
         && pole.visibility >= if is_amid { least_visibility_amid } else { config.least_visibility }
         && pole.top_height_m >= config.lowest_top_m
@@ -188,8 +188,8 @@ fn is_equipped_post(pole: &FittedPole, config: &PoleConfig) -> bool {
     pole.reflectance >= config.sheeting_reflectance && pole.radius_m <= config.post_radius_m
 }
 
-/// Whether something is above the upper end and around it. Within the reach of a
-/// plate it is one where it is right over the post.
+/// Whether something is above the upper end and around it. What is no farther off
+/// than a plate reaches is a plate where it covers the post.
 fn has_crown(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> bool {
     let [near_m, far_m] = config.crown_radii_m;
     is_filled_above(pole, stacks, 0.0, near_m..far_m, config)

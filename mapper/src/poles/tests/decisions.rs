@@ -115,7 +115,7 @@ fn a_stem_that_ends_below_the_top_of_hedges_is_of_the_one_behind_it() {
 fn what_was_hit_from_afar_only_is_not_known_to_stand_free() {
     let config = PoleConfig::default();
     let (pole, stack) = slender();
-    let is_pole = |nearest_m: f64| is_pole(&FittedPole { nearest_m, ..pole.clone() }, &stack, &config);
+    let is_pole = |nearest_hit_m: f64| is_pole(&FittedPole { nearest_hit_m, ..pole.clone() }, &stack, &config);
     assert!(is_pole(29.0) && !is_pole(31.0));
 }
 

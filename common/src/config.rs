@@ -23,11 +23,19 @@ pub struct Limits {
     pub least: f64,
     /// Largest value.
     pub most: f64,
+    /// Whether it is an array that may not descend: from the least to the largest
+    /// of something.
+    pub ascends: bool,
 }
 
 /// The limits of a setting.
 pub const fn limits(key: &'static str, least: f64, most: f64) -> Limits {
-    Limits { key, least, most }
+    Limits { key, least, most, ascends: false }
+}
+
+/// The limits of a setting that is a range: two numbers, the larger one last.
+pub const fn range(key: &'static str, least: f64, most: f64) -> Limits {
+    Limits { ascends: true, ..limits(key, least, most) }
 }
 
 impl Limits {
@@ -76,19 +84,24 @@ fn check_numbers(table: &DeTable<'_>, prefix: &str, limits: &[Limits]) -> std::r
         if let DeValue::Table(inner) = value.get_ref() {
             check_numbers(inner, &format!("{full}."), limits)?;
         }
-        for number in numbers(value.get_ref()) {
-            let limits = limits.iter().find(|limits| limits.are_of(&full));
-            let fault = if !number.is_finite() {
-                format!("`{full}` is {number}, which is no finite number")
-            } else if let Some(Limits { least, most, .. }) = limits.filter(|l| !(l.least..=l.most).contains(&number)) {
-                format!("`{full}` is {number} and has to be from {least} to {most}")
-            } else {
-                continue;
-            };
-            return Err((value.span().start, fault));
+        let limits = limits.iter().find(|limits| limits.are_of(&full));
+        if let Some(fault) = fault_of(&numbers(value.get_ref()), limits) {
+            return Err((value.span().start, format!("`{full}` {fault}")));
         }
     }
     Ok(())
+}
+
+/// What is wrong with the numbers of a setting, if anything.
+fn fault_of(numbers: &[f64], limits: Option<&Limits>) -> Option<String> {
+    if let Some(number) = numbers.iter().find(|n| !n.is_finite()) {
+        return Some(format!("is {number}, which is no finite number"));
+    }
+    let Limits { least, most, ascends, .. } = limits?;
+    if let Some(number) = numbers.iter().find(|n| !(least..=most).contains(n)) {
+        return Some(format!("is {number} and has to be from {least} to {most}"));
+    }
+    (*ascends && !numbers.is_sorted()).then(|| format!("is {numbers:?} and has to name the smaller number first"))
 }
 
 /// The numbers of a value or of an array of them.
@@ -235,6 +248,7 @@ mod tests {
     #[serde(default, deny_unknown_fields)]
     struct Poles {
         radius_m: f64,
+        heights_m: [f64; 2],
     }
 
     impl Default for Settings {
@@ -245,7 +259,7 @@ mod tests {
 
     impl Default for Poles {
         fn default() -> Self {
-            Self { radius_m: 0.3 }
+            Self { radius_m: 0.3, heights_m: [1.0, 2.0] }
         }
     }
 
@@ -256,7 +270,7 @@ mod tests {
     #[test]
     fn what_is_not_said_stays_at_its_default() {
         let settings: Settings = parse(Path::new("a.toml"), "[poles]\nradius_m = 0.5\n").unwrap();
-        assert_eq!(settings, Settings { poles: Poles { radius_m: 0.5 }, ..Settings::default() });
+        assert_eq!(settings, Settings { poles: Poles { radius_m: 0.5, ..Poles::default() }, ..Settings::default() });
     }
 
     #[test]
@@ -295,7 +309,12 @@ mod tests {
             std::fs::write(&file, text).unwrap();
             let read = load_within::<Settings>(
                 &file,
-                &[limits("poles.*_m", 0.01, 10.0), limits("poles.radius_m", 3.0, 3.0), limits("every", 1.0, 100.0)],
+                &[
+                    range("poles.heights_m", 0.5, 9.0),
+                    limits("poles.*_m", 0.01, 10.0),
+                    limits("poles.radius_m", 3.0, 3.0),
+                    limits("every", 1.0, 100.0),
+                ],
             );
             read.map_err(|e| e.to_string())
         };
@@ -307,6 +326,12 @@ mod tests {
         );
         assert!(said("every = 0\n").unwrap_err().contains("a.toml:1: `every` is 0"));
         assert!(said("[poles]\nradius_m = nan\n").unwrap_err().contains("a.toml:2: `poles.radius_m` is NaN"));
+        assert!(said("[poles]\nheights_m = [2.0, 2.0]\n").is_ok());
+        assert!(
+            said("[poles]\nheights_m = [3.0, 2.0]\n")
+                .unwrap_err()
+                .contains("a.toml:2: `poles.heights_m` is [3.0, 2.0] and has to name the smaller number first")
+        );
     }
 
     #[test]

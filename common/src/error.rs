@@ -103,6 +103,14 @@ pub enum Error {
         /// The largest that is accepted.
         limit: f64,
     },
+    /// A 3x3 matrix that mirrors.
+    #[error("{}:{line}: the matrix is no rotation, it mirrors (its determinant is not positive); check that none of its rows are exchanged or have the wrong sign", path.display())]
+    Mirrors {
+        /// The file.
+        path: PathBuf,
+        /// The line, counted from 1.
+        line: usize,
+    },
     /// A pose file and a time file of different lengths.
     #[error("{} has {poses} poses but {} has {times} times; use the pose file of this sequence, one row per frame", poses_path.display(), times_path.display())]
     PoseCount {

@@ -59,12 +59,13 @@ pub(crate) fn pose(path: &Path, line: usize, row: &str) -> Result<Pose> {
 
 /// The rotation nearest to a printed one.
 pub(crate) fn rotation(path: &Path, line: usize, printed: &Matrix3<f64>) -> Result<UnitQuaternion<f64>> {
-    let nearest = nearest_rotation(printed);
-    let deviation = nearest.map_or(f64::INFINITY, |r| (r.matrix() - printed).amax());
-    match nearest {
-        Some(rotation) if deviation <= ROTATION_LIMIT => Ok(UnitQuaternion::from_rotation_matrix(&rotation)),
-        _ => Err(Error::NotARotation { path: path.to_path_buf(), line, deviation, limit: ROTATION_LIMIT }),
+    let file = || path.to_path_buf();
+    let nearest = nearest_rotation(printed).ok_or_else(|| Error::Mirrors { path: file(), line })?;
+    let deviation = (nearest.matrix() - printed).amax();
+    if deviation > ROTATION_LIMIT {
+        return Err(Error::NotARotation { path: file(), line, deviation, limit: ROTATION_LIMIT });
     }
+    Ok(UnitQuaternion::from_rotation_matrix(&nearest))
 }
 
 /// A pose as the twelve numbers of its 3x4 matrix, row by row.

@@ -56,9 +56,9 @@ impl Trajectory {
     ///
     /// # Errors
     /// [`Error::PoseCount`] where there are more rows than frames (fewer are
-    /// accepted), [`Error::BadNumber`], [`Error::BadRow`] or
-    /// [`Error::NotARotation`] at their line, [`Error::Io`] where the file
-    /// cannot be read.
+    /// accepted), [`Error::BadNumber`], [`Error::BadRow`],
+    /// [`Error::NotARotation`] or [`Error::Mirrors`] at their line,
+    /// [`Error::Io`] where the file cannot be read.
     pub fn read_kitti(path: impl AsRef<Path>, times_s: &[f64]) -> Result<Self> {
         let path = path.as_ref();
         let content = text::read(path)?;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use common::config::{Limits, limits, load_within};
+use common::config::{Limits, limits, load_within, range};
 use common::map::EncodeOptions;
 use serde::{Deserialize, Serialize};
 
@@ -66,12 +66,18 @@ pub const LIMITS: &[Limits] = &[
     limits("refine.*reach_m", 0.0, 20.0),
     limits("refine.*_m", 0.0, 10_000.0),
     limits("ground.cell_m", 0.1, 20.0),
+    range("ground.camera_height_m", 0.0, 100.0),
     limits("ground.*_m", 0.0, 100.0),
     limits("roads.length_m", 5.0, 1000.0),
     limits("roads.*_m", 0.0, 10_000.0),
     limits("poles.column_m", 0.02, 1.0),
     limits("poles.slice_m", 0.02, 2.0),
+    range("poles.crown_radii_m", 0.0, 60.0),
+    range("poles.pillars_apart_m", 0.0, 60.0),
+    range("poles.reflector_m", 0.0, 60.0),
     limits("poles.*_m", 0.0, 60.0),
+    range("signs.*.width_m", 0.0, 60.0),
+    range("signs.lights.seen_m", 0.0, 60.0),
     limits("signs.*_m", 0.0, 60.0),
     limits("lanes.window_m", 2.0, 200.0),
     limits("lanes.apart_m", 0.0, 5.0),
@@ -81,6 +87,10 @@ pub const LIMITS: &[Limits] = &[
     limits("lanes.half_line_m", 0.02, 2.0),
     limits("lanes.half_core_m", 0.01, 2.0),
     limits("lanes.fords.cell_m", 0.02, 2.0),
+    range("lanes.fords.periods_m", 0.1, 20.0),
+    range("lanes.fords.across_m", 0.0, 20.0),
+    range("lanes.fords.lengths_m", 0.0, 1000.0),
+    range("lanes.wall_m", 0.0, 100.0),
     limits("lanes.side.thin_m", 0.02, 2.0),
     limits("lanes.side.most_axes", 0.0, 20.0),
     limits("lanes.most_bin_points", 1.0, 255.0),

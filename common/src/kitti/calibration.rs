@@ -23,8 +23,9 @@ impl Calibration {
     /// # Errors
     /// [`Error::MissingCalibration`] without one of `P0` to `P3` or `Tr`,
     /// [`Error::BadProjection`] where a projection is no pinhole camera's,
-    /// [`Error::BadNumber`], [`Error::BadRow`] or [`Error::NotARotation`] at
-    /// their line, [`Error::Io`] where the file cannot be read.
+    /// [`Error::BadNumber`], [`Error::BadRow`], [`Error::NotARotation`] or
+    /// [`Error::Mirrors`] at their line, [`Error::Io`] where the file cannot be
+    /// read.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let content = text::read(path)?;
@@ -134,6 +135,6 @@ Tr: 0 -1 0 0.01 0 0 -1 -0.08 1 0 0 -0.27
             matches!(read(&CALIB.replace("P2: 7", "P2: -7")), Err(Error::BadProjection { key, .. }) if key == "P2")
         );
         assert!(matches!(read(&CALIB.replace("Tr: 0 -1", "Tr: 0 -1.1")), Err(Error::NotARotation { line: 5, .. })));
-        assert!(matches!(read(&CALIB.replace("Tr: 0 -1", "Tr: 0 1")), Err(Error::NotARotation { .. })));
+        assert!(matches!(read(&CALIB.replace("Tr: 0 -1", "Tr: 0 1")), Err(Error::Mirrors { line: 5, .. })));
     }
 }

@@ -107,8 +107,8 @@ impl RawDrive {
     ///
     /// # Errors
     /// [`Error::MissingRawCalibration`], [`Error::BadNumber`],
-    /// [`Error::BadRow`] or [`Error::NotARotation`] in a calibration file,
-    /// [`Error::Io`] where it cannot be read.
+    /// [`Error::BadRow`], [`Error::NotARotation`] or [`Error::Mirrors`] in a
+    /// calibration file, [`Error::Io`] where it cannot be read.
     pub fn camera_from_velodyne(&self) -> Result<Pose> {
         let path = self.calibration.join("calib_cam_to_cam.txt");
         let content = text::read(&path)?;

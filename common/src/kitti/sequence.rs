@@ -161,8 +161,8 @@ pub fn write_times(path: impl AsRef<Path>, times_s: &[f64]) -> Result<()> {
 /// Reads KITTI poses: a 3x4 matrix per row, `map_from_camera`.
 ///
 /// # Errors
-/// [`Error::BadNumber`], [`Error::BadRow`] or [`Error::NotARotation`] at their
-/// line, [`Error::Io`] where the file cannot be read.
+/// [`Error::BadNumber`], [`Error::BadRow`], [`Error::NotARotation`] or
+/// [`Error::Mirrors`] at their line, [`Error::Io`] where the file cannot be read.
 pub fn read_poses(path: impl AsRef<Path>) -> Result<Vec<Pose>> {
     let path = path.as_ref();
     text::rows(&text::read(path)?).map(|(line, row)| text::pose(path, line, row)).collect()

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use common::config;
+use common::config::{self, load_within};
 
 use super::{Outcome, print, print_json};
 use crate::error::Result;
-use crate::validate::{ValidateConfig, text, validate};
+use crate::validate::{LIMITS, ValidateConfig, text, validate};
 
 /// Ask what a careful reader of a map would ask, one line for each finding;
 /// exit with 1 if there is any.
@@ -30,8 +30,8 @@ pub struct Validate {
 impl Validate {
     /// Runs the command.
     pub fn run(&self) -> Result<Outcome> {
-        let config: ValidateConfig =
-            self.config.as_ref().map_or_else(|| Ok(ValidateConfig::default()), config::load)?;
+        let load = |file| load_within(file, LIMITS);
+        let config: ValidateConfig = self.config.as_ref().map_or_else(|| Ok(ValidateConfig::default()), load)?;
         let Some(map) = self.map.as_ref().filter(|_| !self.print_config) else {
             print(&config::to_toml(&config)?);
             return Ok(Outcome::Done);

@@ -12,9 +12,13 @@ mod tests;
 
 use std::fmt::Write as _;
 
+use common::config::{Limits, range};
 use common::map::SemanticMap;
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
+
+/// What the numbers of [`ValidateConfig`] may be.
+pub const LIMITS: &[Limits] = &[range("sign_sizes_m", 0.0, 1000.0)];
 
 /// From where on something is worth a question.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

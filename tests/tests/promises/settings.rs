@@ -59,6 +59,7 @@ fn hold<T: Serialize + DeserializeOwned + Default + PartialEq + std::fmt::Debug>
 #[test]
 fn limits_are_of_settings_and_hold_their_defaults() {
     hold::<mapper::Config>(mapper::config::LIMITS);
+    hold::<mapper::validate::ValidateConfig>(mapper::validate::LIMITS);
     hold::<localizer::config::Config>(localizer::config::LIMITS);
 }
 

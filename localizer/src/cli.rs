@@ -1,7 +1,8 @@
-//! The command line: `run`, `trial`, `segment`, `eval`.
+//! The command line: `run`, `trial`, `segment`, `motion`, `eval`.
 
 mod eval;
 pub mod input;
+mod motion;
 mod run;
 mod segment;
 mod trial;
@@ -30,6 +31,8 @@ enum Command {
     Trial(trial::TrialArgs),
     /// Write the networks' probabilities as images, for `--labels`.
     Segment(segment::SegmentArgs),
+    /// Say how fast the camera drove and turned, from the images alone.
+    Motion(motion::MotionArgs),
     /// Score estimates against true poses, without alignment.
     Eval(eval::EvalArgs),
 }
@@ -91,6 +94,7 @@ fn dispatch(command: &Command) -> Result<bool> {
         Command::Run(args) => run::execute(args),
         Command::Trial(args) => trial::execute(args),
         Command::Segment(args) => segment::execute(args),
+        Command::Motion(args) => motion::execute(args),
         Command::Eval(args) => eval::execute(args),
     }
 }

@@ -1,6 +1,6 @@
 //! All settings of the localizer, as they stand in its TOML file.
 
-use common::config::{Limits, limits};
+use common::config::{Limits, limits, range};
 use serde::{Deserialize, Serialize};
 
 use crate::associate::detection::DetectionConfig;
@@ -17,10 +17,12 @@ use crate::solver::SolverConfig;
 use crate::start::StartConfig;
 use crate::tracker::{BankConfig, HealthConfig, NearbyConfig, RivalConfig};
 use crate::vision::VisionConfig;
+use crate::visual_odometry::VisualOdometryConfig;
 
 /// What some numbers of [`Config`] may be: cells of the search that are ever
-/// finer, and rounds without number, take all memory or all time; no feature is
-/// believed where false ones are endlessly dense.
+/// finer, pixels that are ever smaller, and rounds without number, take all
+/// memory or all time; no feature is believed where false ones are endlessly
+/// dense.
 pub const LIMITS: &[Limits] = &[
     limits("start.step_m", 0.05, 100.0),
     limits("start.step_rad", 0.002, 3.2),
@@ -29,6 +31,18 @@ pub const LIMITS: &[Limits] = &[
     limits("detection.sign_band_of_height", 0.01, 1.0),
     limits("robust.max_rounds", 1.0, 1000.0),
     limits("vision.poles.ransac_rounds", 1.0, 1e6),
+    limits("visual_odometry.tracks.columns", 1.0, 200.0),
+    limits("visual_odometry.tracks.rows", 1.0, 200.0),
+    limits("visual_odometry.tracks.most_in_cell", 1.0, 100.0),
+    limits("visual_odometry.tracks.apart_px", 1.0, 1000.0),
+    limits("visual_odometry.tracks.window_px", 5.0, 101.0),
+    limits("visual_odometry.tracks.levels", 1.0, 8.0),
+    limits("visual_odometry.rotation.*", 1e-4, 1000.0),
+    range("visual_odometry.road.ahead_m", 1.0, 100.0),
+    limits("visual_odometry.road.half_width_m", 0.5, 20.0),
+    limits("visual_odometry.road.pixel_m", 0.01, 0.5),
+    limits("visual_odometry.road.around_m", 0.05, 5.0),
+    limits("visual_odometry.road.*", 0.0, 200.0),
 ];
 
 /// Settings by stage; the defaults need no file.
@@ -57,6 +71,8 @@ pub struct Config {
     pub motion: MotionConfig,
     /// Wheels and gyroscope.
     pub odometry: OdometryConfig,
+    /// Speed and turn from the images, where there is no log of wheels.
+    pub visual_odometry: VisualOdometryConfig,
     /// The set of hypotheses.
     pub bank: BankConfig,
     /// The look beside the best hypothesis.

@@ -6,20 +6,23 @@ use std::path::{Path, PathBuf};
 use common::geometry::PinholeCamera;
 use common::kitti::Sequence;
 
+use crate::config::Config;
 use crate::features::Features;
 use crate::projection::ImageSize;
 use crate::vision::config::Ground;
 use crate::vision::image::{check_calibration, check_size};
 use crate::vision::network::{self, Network, Runtime};
-use crate::vision::{ProbabilityMaps, RgbImage, VisionConfig, labels, read_png};
+use crate::vision::{Plane, ProbabilityMaps, RgbImage, VisionConfig, labels, read_png};
+use crate::visual_odometry::VisualOdometer;
 use crate::{Error, Result};
 
 /// The camera of KITTI that is used: left, colour.
 pub const CAMERA: usize = 2;
 
 /// Height of the camera over the road that is assumed where the settings of
-/// the lanes give none, metres: KITTI's. It only says which rows the paper's
-/// straight line is fitted to.
+/// the lanes give none, metres: KITTI's. It says which rows the paper's straight
+/// line is fitted to, and the scale of the speed from images, which the map
+/// corrects.
 const CAMERA_HEIGHT_M: f64 = 1.65;
 
 /// A sequence with what does not change along it.
@@ -68,6 +71,8 @@ pub struct Seen {
     pub features: Features,
     /// The probabilities that they come from.
     pub maps: ProbabilityMaps,
+    /// Brightness of the image, where there is one.
+    pub grey: Option<Plane>,
     /// Time for the probabilities (networks or reading files), milliseconds.
     pub maps_ms: f64,
     /// Time for the features from them, milliseconds.
@@ -148,9 +153,16 @@ impl Drive {
         };
         let maps_ms = started.elapsed().as_secs_f64() * 1e3;
         let started = std::time::Instant::now();
-        let features = crate::vision::extract(&maps, image.as_ref(), &self.calibrated(config));
+        let grey = image.map(|image| image.grey());
+        let features = crate::vision::extract(&maps, grey.as_ref(), &self.calibrated(config));
         let features_ms = started.elapsed().as_secs_f64() * 1e3;
-        Ok(Seen { features, maps, maps_ms, features_ms })
+        Ok(Seen { features, maps, grey, maps_ms, features_ms })
+    }
+
+    /// The odometer for the images of this drive.
+    pub fn odometer(&self, config: &Config) -> VisualOdometer {
+        let height_m = config.vision.lanes.ground.map_or(CAMERA_HEIGHT_M, |ground| ground.camera_height_m);
+        VisualOdometer::new(&self.camera, height_m, &config.visual_odometry)
     }
 
     /// The settings with the ground that this camera sees, where they do not

@@ -32,6 +32,8 @@ pub mod solver;
 pub mod start;
 pub mod tracker;
 pub mod vision;
+pub mod visual_odometry;
+pub mod watch;
 
 pub use error::{Error, Result};
 

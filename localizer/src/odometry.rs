@@ -1,4 +1,5 @@
-//! Wheels and gyroscope: how far the vehicle drove and turned between images.
+//! How far the vehicle drove and turned between images, as wheels and gyroscope
+//! say, or the images themselves.
 
 use std::path::Path;
 
@@ -9,7 +10,7 @@ use crate::{Error, Result};
 /// Gaps up to this are rounding of the times in the files, seconds.
 const ROUNDING_S: f64 = 1e-3;
 
-/// How well wheels and gyroscope know the motion.
+/// How well the motion is known.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OdometryConfig {
@@ -45,19 +46,28 @@ impl Default for OdometryConfig {
 /// Mean motion of the vehicle between two images.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Odometry {
-    /// Forward speed, m/s, negative in reverse.
-    pub speed_m_s: f64,
+    /// Forward speed, m/s, negative in reverse, where it is known.
+    pub speed_m_s: Option<f64>,
     /// Turn rate about the vehicle's vertical axis, rad/s, positive to the
     /// left.
     pub yaw_rate_rad_s: f64,
 }
 
-/// What wheels and gyroscope said along a drive.
+/// What was said of the motion along a drive.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct OdometryLog {
-    /// End of each step, seconds, ascending, and the mean motion since the end
-    /// of the step before.
-    steps: Vec<(f64, Odometry)>,
+    /// One after the other.
+    steps: Vec<Step>,
+}
+
+/// The mean motion over some time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Step {
+    /// Seconds.
+    began_s: f64,
+    /// Seconds.
+    ended_s: f64,
+    mean: Odometry,
 }
 
 impl OdometryLog {
@@ -72,7 +82,7 @@ impl OdometryLog {
     pub fn read(path: &Path) -> Result<Self> {
         let text =
             std::fs::read_to_string(path).map_err(|source| common::Error::Io { path: path.to_path_buf(), source })?;
-        let mut steps: Vec<(f64, Odometry)> = Vec::new();
+        let mut rows: Vec<(f64, Odometry)> = Vec::new();
         for (i, row) in text.lines().map(str::trim).enumerate() {
             let line = i + 1;
             if row.is_empty() || row.starts_with('#') || (i == 0 && row.starts_with(char::is_alphabetic)) {
@@ -85,37 +95,55 @@ impl OdometryLog {
             if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
                 return Err(crate::gps::bad_number(path, line, &bad.to_string()));
             }
-            if steps.last().is_some_and(|(last_s, _)| time_s <= *last_s) {
+            if rows.last().is_some_and(|(last_s, _)| time_s <= *last_s) {
                 return Err(Error::OdometryTime { path: path.to_path_buf(), line, time_s });
             }
-            steps.push((time_s, Odometry { speed_m_s, yaw_rate_rad_s }));
+            rows.push((time_s, Odometry { speed_m_s: Some(speed_m_s), yaw_rate_rad_s }));
         }
-        Ok(Self { steps })
+        // The first step began one step earlier, as far as one knows.
+        let mut began_s = match rows.as_slice() {
+            [(first_s, _), (second_s, _), ..] => 2.0 * first_s - second_s,
+            _ => return Ok(Self::default()),
+        };
+        let mut log = Self::default();
+        for (ended_s, mean) in rows {
+            log.push(began_s, ended_s, mean);
+            began_s = ended_s;
+        }
+        Ok(log)
+    }
+
+    /// Adds the mean motion from one time to another, seconds, after all that
+    /// the log has; what goes back in time is left out.
+    pub fn push(&mut self, began_s: f64, ended_s: f64, mean: Odometry) {
+        if self.steps.last().is_none_or(|last| last.ended_s <= began_s) && began_s < ended_s {
+            self.steps.push(Step { began_s, ended_s, mean });
+        }
+    }
+
+    /// Whether it says nothing at all.
+    pub fn is_empty(&self) -> bool {
+        self.steps.is_empty()
     }
 
     /// The mean motion from one time to another, seconds; none where the log
-    /// does not cover all of it.
+    /// does not cover all of it. The speed is known where it is all along.
     pub fn between(&self, from_s: f64, to_s: f64) -> Option<Odometry> {
-        let first = self.steps.partition_point(|(end_s, _)| *end_s <= from_s);
+        let first = self.steps.partition_point(|step| step.ended_s <= from_s);
         let mut at_s = from_s;
-        let mut sum = Odometry { speed_m_s: 0.0, yaw_rate_rad_s: 0.0 };
-        // The first step of a log began one step earlier, as far as one knows.
-        let began_s = |i: usize| match i.checked_sub(1) {
-            Some(before) => Some(self.steps[before].0),
-            None => self.steps.get(1).map(|(next_s, _)| 2.0 * self.steps[0].0 - next_s),
-        };
-        for (i, (end_s, step)) in self.steps.iter().enumerate().skip(first) {
-            if at_s >= to_s || began_s(i)? > at_s + ROUNDING_S {
+        let (mut way_m, mut turn_rad) = (Some(0.0), 0.0);
+        for step in self.steps.iter().skip(first) {
+            if at_s >= to_s || step.began_s > at_s + ROUNDING_S {
                 break;
             }
-            let until_s = end_s.min(to_s);
-            sum.speed_m_s += step.speed_m_s * (until_s - at_s);
-            sum.yaw_rate_rad_s += step.yaw_rate_rad_s * (until_s - at_s);
+            let until_s = step.ended_s.min(to_s);
+            way_m = way_m.zip(step.mean.speed_m_s).map(|(m, speed_m_s)| m + speed_m_s * (until_s - at_s));
+            turn_rad += step.mean.yaw_rate_rad_s * (until_s - at_s);
             at_s = until_s;
         }
         let span_s = at_s - from_s;
         (span_s > 0.0 && at_s >= to_s - ROUNDING_S)
-            .then(|| Odometry { speed_m_s: sum.speed_m_s / span_s, yaw_rate_rad_s: sum.yaw_rate_rad_s / span_s })
+            .then(|| Odometry { speed_m_s: way_m.map(|m| m / span_s), yaw_rate_rad_s: turn_rad / span_s })
     }
 }
 
@@ -134,9 +162,23 @@ mod tests {
     fn the_mean_between_two_images_weighs_steps_by_their_share() {
         let log = read_text("t_s,speed_m_s,yaw_rate_rad_s\n0.02,10,0.1\n0.04,12,0.1\n0.06 14 0.4\n").unwrap();
         let mean = log.between(0.01, 0.05).unwrap();
-        assert!((mean.speed_m_s - (0.01 * 10.0 + 0.02 * 12.0 + 0.01 * 14.0) / 0.04).abs() < 1e-9);
+        assert!((mean.speed_m_s.unwrap() - (0.01 * 10.0 + 0.02 * 12.0 + 0.01 * 14.0) / 0.04).abs() < 1e-9);
         assert!((mean.yaw_rate_rad_s - (0.03 * 0.1 + 0.01 * 0.4) / 0.04).abs() < 1e-9);
         assert!(log.between(0.0, 0.06).is_some());
+    }
+
+    #[test]
+    fn a_speed_that_is_missing_is_missing_from_the_mean_and_a_gap_is_a_gap() {
+        let mut log = OdometryLog::default();
+        let motion = |speed_m_s| Odometry { speed_m_s, yaw_rate_rad_s: 0.2 };
+        log.push(0.0, 0.1, motion(Some(8.0)));
+        log.push(0.1, 0.2, motion(None));
+        log.push(0.15, 0.25, motion(Some(9.0)));
+        log.push(0.3, 0.4, motion(Some(9.0)));
+        assert!((log.between(0.0, 0.1).unwrap().speed_m_s.unwrap() - 8.0).abs() < 1e-9);
+        let turn_alone = log.between(0.0, 0.2).unwrap();
+        assert!(turn_alone.speed_m_s.is_none() && (turn_alone.yaw_rate_rad_s - 0.2).abs() < 1e-9);
+        assert_eq!((log.between(0.2, 0.3), log.between(0.1, 0.4)), (None, None));
     }
 
     #[test]

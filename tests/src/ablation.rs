@@ -6,6 +6,7 @@
 
 use clap::ValueEnum;
 use localizer::features::{Features, LineFeature};
+use localizer::odometry::OdometryLog;
 use localizer::run::Method;
 use localizer::solver::Loss;
 use serde::Serialize;
@@ -40,6 +41,8 @@ pub enum Step {
     Height,
     /// Vehicles stay near roads and head along them.
     Road,
+    /// Images, or a log of wheels, tell how fast it drove and turned.
+    Odometry,
     /// A vehicle goes where its axle points.
     Wheels,
     /// Swaying dies out by itself.
@@ -105,6 +108,7 @@ impl Step {
             Self::RoadSearch => config.start.grid_sigma_m = NEVER,
             Self::Height => config.start.height_frames = NEVER,
             Self::Road => (config.bank.road_m, config.start.road_heading_sigma_rad) = (NEVER, NEVER),
+            Self::Odometry => trial.odometry = OdometryLog::default(),
             Self::Wheels => (config.motion.slip_sigma_rad, config.motion.slip_sigma_m_s) = (NEVER, NEVER),
             Self::Sway => {
                 let motion = &mut config.motion;

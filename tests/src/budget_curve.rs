@@ -6,7 +6,7 @@ use std::path::Path;
 use common::geometry::Pose;
 use common::map::{EncodeOptions, SemanticMap};
 use localizer::config::Config as LocalizerConfig;
-use localizer::drive::{Drive, Source, image_size};
+use localizer::drive::{Drive, Source};
 use localizer::eval::{FrameError, START_FRAMES, score};
 use localizer::gps::simulate;
 use localizer::local_map::LocalMap;
@@ -15,6 +15,7 @@ use localizer::output::Recorded;
 use localizer::projection::ImageSize;
 use localizer::run::{FrameFeatures, Localizer, Method, localize};
 use localizer::vision::network::Runtime;
+use localizer::watch::{Watched, watch};
 use mapper::budget::{Coder, Detail, Known};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -25,6 +26,7 @@ pub struct Seen {
     drive: Drive,
     image: ImageSize,
     frames: Vec<FrameFeatures>,
+    motion: OdometryLog,
     truth: Vec<Pose>,
     config: LocalizerConfig,
 }
@@ -53,25 +55,19 @@ impl Seen {
     /// One sentence that names the file and says what is wrong with it.
     pub fn read(root: &Path, sequence: &str, labels: &Path, truth: &Path) -> Result<Self, String> {
         let say = |error: localizer::Error| error.to_string();
-        let config = LocalizerConfig::default();
+        let mut config = LocalizerConfig::default();
         let source = Source::open(&[], Runtime::default(), Some(labels)).map_err(say)?;
         let drive = Drive::open(root, sequence, Some(labels), 0, None).map_err(say)?;
         let truth = common::kitti::read_poses(truth).map_err(|error| error.to_string())?;
-        let mut frames = Vec::with_capacity(drive.frames.len());
-        let mut size = None;
-        for &frame in drive.frames.iter().filter(|frame| **frame < truth.len()) {
-            let found = drive.see(frame, &source, size, &config.vision).map_err(say)?;
-            size = Some((found.maps.width(), found.maps.height()));
-            frames.push(FrameFeatures {
-                frame,
-                time_s: drive.times_s[frame],
-                features: found.features,
-                maps_ms: found.maps_ms,
-                features_ms: found.features_ms,
-            });
+        let known = drive.frames.iter().copied().filter(|&frame| frame < truth.len());
+        let Watched { frames, motion, image } = watch(&drive, known, &source, &config, |_, _| Ok(())).map_err(say)?;
+        if frames.is_empty() {
+            return Err("the drive has no frame with a true pose; give the poses of this drive".to_owned());
         }
-        let (width, height) = size.ok_or("the drive has no frame with a true pose; give the poses of this drive")?;
-        Ok(Self { drive, image: image_size(width, height), frames, truth, config })
+        if !motion.is_empty() {
+            config.odometry = config.visual_odometry.accuracy;
+        }
+        Ok(Self { drive, image, frames, motion, truth, config })
     }
 
     /// Localizes the drive in a map from so many GPS starts.
@@ -88,8 +84,7 @@ impl Seen {
             let poses: Vec<Pose> = first.iter().map(|frame| self.truth[*frame]).collect();
             let fixes = first.iter().copied().zip(simulate(&poses, &self.config.gps, seed)).collect();
             let localizer = Localizer::new(Method::Robust, &mut map, &self.drive.camera, self.image, &self.config);
-            let results = localize(&self.frames, &fixes, &OdometryLog::default(), localizer)
-                .map_err(|error| error.to_string())?;
+            let results = localize(&self.frames, &fixes, &self.motion, localizer).map_err(|error| error.to_string())?;
             let scored: Vec<Recorded> = results.iter().skip(START_FRAMES).map(Recorded::from).collect();
             errors.extend(score(&scored, &truth, &[]).into_iter().flat_map(|report| report.errors));
         }

@@ -66,7 +66,7 @@ pub struct Trial {
     pub frames: Vec<FrameFeatures>,
     /// GPS fixes by frame.
     pub fixes: BTreeMap<usize, GpsFix>,
-    /// What wheels and gyroscope say.
+    /// What wheels and gyroscope say, or the images.
     pub odometry: OdometryLog,
     /// `map_from_camera` of every frame of the sequence.
     pub truth: Vec<Pose>,
@@ -77,20 +77,26 @@ pub struct Trial {
 }
 
 impl LookArgs {
+    /// Whether a log of wheels is given.
+    pub fn has_wheels(&self) -> bool {
+        self.odometry.is_some()
+    }
+
     /// Looks at all images; none where the settings were to be printed, and are.
     ///
     /// # Errors
     /// Where an option is missing or a file cannot be read.
     pub fn read(&self) -> localizer::Result<Option<Trial>> {
-        let Some(config) = self.config.load()? else { return Ok(None) };
+        let Some(mut config) = self.config.load()? else { return Ok(None) };
+        let wheels = self.odometry.as_deref().map(OdometryLog::read).transpose()?;
         let input = self.input.read(&config, |_, _, _| Ok(()))?;
         // The map as a whole, for it may be moved; `read` saw that it is given.
         let map = self.input.map.as_ref().map(common::map::read).transpose()?.unwrap_or_default();
         let truth = self.input.true_poses(&input.drive)?;
         let fixes = simulated(&input.frames, &truth, &config, self.seed)?;
+        let odometry = input.odometry(wheels, &mut config);
         let mut frames = input.frames;
         frames.retain(|seen| seen.frame < truth.len());
-        let odometry = self.odometry.as_deref().map(OdometryLog::read).transpose()?.unwrap_or_default();
         let (camera, image) = (input.drive.camera, input.image);
         Ok(Some(Trial { map, camera, image, frames, fixes, odometry, truth, config, method: Method::Robust }))
     }

@@ -8,12 +8,14 @@ use common::geometry::Pose;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::config::Config;
-use crate::drive::{Drive, Seen, Source, image_size};
+use crate::drive::{Drive, Seen, Source};
 use crate::gps::{GpsFix, simulate};
 use crate::local_map::LocalMap;
+use crate::odometry::OdometryLog;
 use crate::projection::ImageSize;
 use crate::run::FrameFeatures;
 use crate::vision::network::Runtime;
+use crate::watch::{Watched, watch};
 use crate::{Error, Result};
 
 /// The drive and where its features come from.
@@ -62,6 +64,21 @@ pub struct Input {
     pub image: ImageSize,
     /// What its frames show.
     pub frames: Vec<FrameFeatures>,
+    /// How it moved, as its images say.
+    pub motion: OdometryLog,
+}
+
+impl Input {
+    /// What is known of the motion: what a log of wheels says, else the images;
+    /// and sets how well.
+    pub fn odometry(&self, wheels: Option<OdometryLog>, config: &mut Config) -> OdometryLog {
+        wheels.unwrap_or_else(|| {
+            if !self.motion.is_empty() {
+                config.odometry = config.visual_odometry.accuracy;
+            }
+            self.motion.clone()
+        })
+    }
 }
 
 impl InputArgs {
@@ -93,25 +110,13 @@ impl InputArgs {
         let source = self.open_source()?;
         let drive = self.open_drive()?;
         let bar = progress(drive.frames.len(), "features");
-        let mut frames = Vec::with_capacity(drive.frames.len());
-        let mut size = None;
-        for &frame in &drive.frames {
-            let found = drive.see(frame, &source, size, &config.vision)?;
-            size = Some((found.maps.width(), found.maps.height()));
-            seen(&drive, frame, &found)?;
-            frames.push(FrameFeatures {
-                frame,
-                time_s: drive.times_s[frame],
-                features: found.features,
-                maps_ms: found.maps_ms,
-                features_ms: found.features_ms,
-            });
+        let watched = watch(&drive, drive.frames.iter().copied(), &source, config, |frame, found| {
             bar.inc(1);
-        }
+            seen(&drive, frame, found)
+        })?;
         bar.finish_and_clear();
-        let (width, height) = size.unwrap_or((0, 0));
-        let image = image_size(width, height);
-        Ok(Input { map, drive, image, frames })
+        let Watched { frames, motion, image } = watched;
+        Ok(Input { map, drive, image, frames, motion })
     }
 
     /// The true poses of all frames of the drive.

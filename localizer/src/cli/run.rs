@@ -54,7 +54,7 @@ pub struct RunArgs {
 pub fn execute(args: &RunArgs) -> Result<bool> {
     let Some(mut config) = args.config.load()? else { return Ok(true) };
     config.gps.fuse |= args.fuse_gps;
-    let odometry = args.odometry.as_deref().map(OdometryLog::read).transpose()?.unwrap_or_default();
+    let wheels = args.odometry.as_deref().map(OdometryLog::read).transpose()?;
     let out = super::required(args.out.as_ref(), "--out")?;
     let mut input = args.input.read(&config, |_, frame, seen| {
         if let Some(folder) = &args.save_labels {
@@ -62,6 +62,7 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
         }
         Ok(())
     })?;
+    let odometry = input.odometry(wheels, &mut config);
     let fixes = match &args.gps {
         Some(path) => started(&input.frames, gps::read(path, &input.drive.times_s, &config.gps)?)?,
         None => simulated(&input.frames, &args.input.true_poses(&input.drive)?, &config, args.gps_seed)?,

@@ -1,5 +1,7 @@
 //! `localizer trial`.
 
+use std::path::PathBuf;
+
 use clap::Args;
 use common::geometry::Pose;
 
@@ -22,6 +24,9 @@ pub struct TrialArgs {
     /// Only this method; default: both.
     #[arg(long, value_enum)]
     method: Option<Method>,
+    /// Wheels and gyroscope, as of `run`.
+    #[arg(long, value_name = "FILE")]
+    odometry: Option<PathBuf>,
     /// Print a row for each draw, too.
     #[arg(long)]
     each: bool,
@@ -37,8 +42,10 @@ struct Draw {
 }
 
 pub fn execute(args: &TrialArgs) -> Result<bool> {
-    let Some(config) = args.config.load()? else { return Ok(true) };
+    let Some(mut config) = args.config.load()? else { return Ok(true) };
+    let wheels = args.odometry.as_deref().map(OdometryLog::read).transpose()?;
     let mut input = args.input.read(&config, |_, _, _| Ok(()))?;
+    let odometry = input.odometry(wheels, &mut config);
     let truth = args.input.true_poses(&input.drive)?;
     let methods = args.method.map_or_else(|| vec![Method::Robust, Method::Paper], |method| vec![method]);
     common::say!(
@@ -52,7 +59,7 @@ pub fn execute(args: &TrialArgs) -> Result<bool> {
     for method in methods {
         let mut draws = Vec::new();
         for seed in 0..args.draws {
-            let draw = localize_once(&mut input, &truth, method, &config, seed)?;
+            let draw = localize_once(&mut input, &truth, &odometry, method, &config, seed)?;
             if args.each {
                 common::say!("{}", row(&format!("{} {seed}", name(method)), std::slice::from_ref(&draw)));
             }
@@ -70,10 +77,17 @@ fn name(method: Method) -> &'static str {
     }
 }
 
-fn localize_once(input: &mut Input, truth: &[Pose], method: Method, config: &Config, seed: u64) -> Result<Draw> {
+fn localize_once(
+    input: &mut Input,
+    truth: &[Pose],
+    odometry: &OdometryLog,
+    method: Method,
+    config: &Config,
+    seed: u64,
+) -> Result<Draw> {
     let fixes = simulated(&input.frames, truth, config, seed)?;
     let localizer = Localizer::new(method, &mut input.map, &input.drive.camera, input.image, config);
-    let results = localize(&input.frames, &fixes, &OdometryLog::default(), localizer)?;
+    let results = localize(&input.frames, &fixes, odometry, localizer)?;
     let scored = results.get(START_FRAMES.min(results.len())..).unwrap_or(&[]);
     let recorded: Vec<Recorded> = scored.iter().map(Recorded::from).collect();
     let timing: Vec<Timing> = scored

@@ -84,11 +84,12 @@ impl Default for MotionConfig {
 }
 
 impl MotionConfig {
-    /// The motion over a stretch of which the mean speed and turn rate are
-    /// known: these do not wander.
-    pub(super) fn driven(&self) -> Self {
+    /// The motion over a stretch of which the mean turn rate is known, and the
+    /// mean speed, too, if so: these do not wander.
+    pub(super) fn driven(&self, speed_is_known: bool) -> Self {
         let still = |axis: AxisMotion| AxisMotion { walk: 0.0, ..axis };
-        Self { forward: still(self.forward), yaw: still(self.yaw), ..*self }
+        let forward = if speed_is_known { still(self.forward) } else { self.forward };
+        Self { forward, yaw: still(self.yaw), ..*self }
     }
 
     pub(super) fn axes(&self) -> [AxisMotion; 6] {

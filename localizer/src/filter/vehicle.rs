@@ -24,24 +24,27 @@ impl State {
     ) -> Self {
         let Some(shown) = odometry else { return self.predicted(dt_s, motion) };
         let mut state = self.clone();
+        let mut surprise = 0.0;
         // The mean of this stretch is not the mean of the one before.
-        state.covariance[(FORWARD, FORWARD)] += motion.forward.walk * motion.forward.walk * dt_s;
         state.covariance[(YAW_RATE, YAW_RATE)] += motion.yaw.walk * motion.yaw.walk * dt_s;
         let share = config.drift_per_minute * config.drift_per_minute * dt_s / 60.0;
         state.covariance[(SCALE, SCALE)] += share * config.scale_sigma * config.scale_sigma;
         state.covariance[(BIAS, BIAS)] += share * config.yaw_bias_sigma_rad_s * config.yaw_bias_sigma_rad_s;
-        let mut row = VectorN::zeros();
-        row[FORWARD] = 1.0 + state.wheel_scale;
-        row[SCALE] = state.velocity[2];
-        let expected_m_s = state.velocity[2] * (1.0 + state.wheel_scale);
-        let of_wheels = state.absorb(&row, shown.speed_m_s - expected_m_s, config.speed_sigma_m_s);
+        if let Some(shown_m_s) = shown.speed_m_s {
+            state.covariance[(FORWARD, FORWARD)] += motion.forward.walk * motion.forward.walk * dt_s;
+            let mut row = VectorN::zeros();
+            row[FORWARD] = 1.0 + state.wheel_scale;
+            row[SCALE] = state.velocity[2];
+            let expected_m_s = state.velocity[2] * (1.0 + state.wheel_scale);
+            surprise += state.absorb(&row, shown_m_s - expected_m_s, config.speed_sigma_m_s);
+        }
         let mut row = VectorN::zeros();
         row[YAW_RATE] = -1.0;
         row[BIAS] = 1.0;
         let expected_rad_s = state.yaw_bias_rad_s - state.velocity[4];
-        let of_gyro = state.absorb(&row, shown.yaw_rate_rad_s - expected_rad_s, config.yaw_rate_sigma_rad_s);
-        let mut state = state.predicted(dt_s, &motion.driven());
-        state.surprise += of_wheels + of_gyro;
+        surprise += state.absorb(&row, shown.yaw_rate_rad_s - expected_rad_s, config.yaw_rate_sigma_rad_s);
+        let mut state = state.predicted(dt_s, &motion.driven(shown.speed_m_s.is_some()));
+        state.surprise += surprise;
         state
     }
 
@@ -106,7 +109,7 @@ mod tests {
     fn wheels_and_gyroscope_carry_on_in_the_dark_and_are_calibrated_in_the_light() {
         let (motion, config) = (MotionConfig::default(), OdometryConfig::default());
         // The wheels show 1.5 % too much, the gyroscope 0.008 rad/s.
-        let shown = Odometry { speed_m_s: 12.0 * 1.015, yaw_rate_rad_s: 0.008 - 0.2 };
+        let shown = Odometry { speed_m_s: Some(12.0 * 1.015), yaw_rate_rad_s: 0.008 - 0.2 };
         let mut truth = state();
         truth.velocity[0] = 0.0;
         let mut filter = truth.clone();

@@ -242,8 +242,9 @@ impl Hypothesis {
         self.past_weight = (self.past_weight + self.evidence) * config.bank.memory;
         self.handicap *= config.bank.handicap_memory;
         self.age_frames += 1;
-        if !self.speed_is_unknown || dt_s <= 0.0 || odometry.is_some() {
-            self.speed_is_unknown &= odometry.is_none();
+        let is_told = odometry.is_some_and(|shown| shown.speed_m_s.is_some());
+        if !self.speed_is_unknown || dt_s <= 0.0 || is_told {
+            self.speed_is_unknown &= !is_told;
             self.state = self.state.driven(dt_s, odometry, &config.motion, &config.odometry);
             out.push(self);
             return;
@@ -269,7 +270,7 @@ impl Hypothesis {
                 let excess = (split.state.covariance[(i, i)].max(1e-12).sqrt() / mounting).max(1.0);
                 split.state.sharpen(i, 1.0 / excess);
             }
-            split.state = split.state.predicted(dt_s, &config.motion);
+            split.state = split.state.driven(dt_s, odometry, &config.motion, &config.odometry);
             split.speed_is_unknown = false;
             out.push(split);
         }

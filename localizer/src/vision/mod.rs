@@ -27,12 +27,12 @@ pub use plane::{Class, Plane, ProbabilityMaps};
 use crate::features::Features;
 
 /// The features of an image: the same from the same maps, always. Marks of
-/// dashed lines are read from the image itself, where it is given and the
+/// dashed lines are read from its brightness, where it is given and the
 /// settings of the lanes say where the ground is.
-pub fn extract(maps: &ProbabilityMaps, image: Option<&RgbImage>, config: &VisionConfig) -> Features {
+pub fn extract(maps: &ProbabilityMaps, grey: Option<&Plane>, config: &VisionConfig) -> Features {
     let mut lanes = lanes::extract(maps, &config.lanes);
-    if let Some(image) = image {
-        lanes::read_marks(&mut lanes, &image.grey(), &config.lanes, &config.marks);
+    if let Some(grey) = grey {
+        lanes::read_marks(&mut lanes, grey, &config.lanes, &config.marks);
     }
     Features { poles: poles::extract(maps, &config.poles), lanes, signs: signs::extract(maps, &config.signs) }
 }

@@ -5,7 +5,7 @@ use common::map::{Pole, PoleKind, Road, RoadId, SemanticMap, SignKind};
 use localizer::config::Config;
 use localizer::features::{Features, LaneFeature, LineFeature, PointFeature};
 use localizer::gps::{GpsConfig, simulate};
-use localizer::odometry::OdometryLog;
+use localizer::odometry::{Odometry, OdometryLog};
 use localizer::projection::ImageSize;
 use localizer::run::{FrameFeatures, Method};
 use nalgebra::{Isometry3, Point2, Point3, Vector2, Vector3};
@@ -64,6 +64,8 @@ pub fn clean() -> Trial {
         .collect();
     let truth: Vec<Pose> = (0..300).map(|i| Isometry3::translation(2.0, 0.0, f64::from(i))).collect();
     let fixes = (0..2).zip(simulate(&truth[..2], &GpsConfig::default(), 0)).collect();
+    let mut odometry = OdometryLog::default();
+    odometry.push(0.0, 30.0, Odometry { speed_m_s: Some(10.0), yaw_rate_rad_s: 0.0 });
     let foot_map = Point3::new(5.0, 1.6, 250.0);
     let pole =
         Pole { kind: PoleKind::LampPost, foot_map, top_map: foot_map - Vector3::new(0.0, 6.0, 0.0), road: RoadId(0) };
@@ -85,7 +87,7 @@ pub fn clean() -> Trial {
         image: IMAGE,
         frames,
         fixes,
-        odometry: OdometryLog::default(),
+        odometry,
         truth,
         config: Config::default(),
         method: Method::Robust,

@@ -16,6 +16,7 @@ mod inputs;
 mod map_from_scans;
 mod measured_streets;
 mod merged_maps;
+mod motion;
 mod real_kitti;
 mod refined_poses;
 mod settings;

@@ -141,7 +141,7 @@ fn the_known_networks_need_no_description_and_find_a_real_lamp_post_and_lane() {
         .map(|name| Network::load(shared.join("models").join(name), Runtime::default()).unwrap());
     let image = crate::vision::read_png(shared.join("kitti/sequences/04/image_2/000000.png")).unwrap();
     let maps = run_all(&networks, &image).unwrap();
-    let features = crate::vision::extract(&maps, Some(&image), &crate::vision::VisionConfig::default());
+    let features = crate::vision::extract(&maps, Some(&image.grey()), &crate::vision::VisionConfig::default());
     // By eye in the image: the mast beside the speed limit, and the left end
     // of the lane's own line.
     let column_at = |line: &crate::features::LineFeature, row: f64| {

@@ -1,0 +1,107 @@
+//! `localizer motion`.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+
+use super::ConfigArgs;
+use super::input::progress;
+use crate::Result;
+use crate::drive::Drive;
+use crate::odometry::Odometry;
+
+/// Arguments of `localizer motion`.
+#[derive(Debug, Args)]
+pub struct MotionArgs {
+    /// Folder with `sequences/` in KITTI odometry layout.
+    #[arg(long, value_name = "ROOT")]
+    kitti: Option<PathBuf>,
+    /// Name of the sequence.
+    #[arg(long, value_name = "NN", default_value = "04")]
+    sequence: String,
+    /// First frame.
+    #[arg(long, value_name = "F", default_value_t = 0)]
+    first: usize,
+    /// Last frame; default: the last that has an image.
+    #[arg(long, value_name = "L")]
+    last: Option<usize>,
+    /// True poses to hold it against, a file of KITTI poses.
+    #[arg(long, value_name = "FILE")]
+    truth: Option<PathBuf>,
+    /// Write it as a CSV file: the time of an image, and the mean motion since
+    /// the one before; empty where the images do not tell.
+    #[arg(long, value_name = "FILE.csv")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    config: ConfigArgs,
+}
+
+/// One step between two images.
+struct Step {
+    shown: Option<Odometry>,
+    /// Speed, m/s, and turn rate, rad/s, positive to the left.
+    truth: Option<(f64, f64)>,
+}
+
+pub fn execute(args: &MotionArgs) -> Result<bool> {
+    let Some(config) = args.config.load()? else { return Ok(true) };
+    let drive =
+        Drive::open(&super::required(args.kitti.as_ref(), "--kitti")?, &args.sequence, None, args.first, args.last)?;
+    let truth = args.truth.as_ref().map(|path| drive.sequence.poses_from(path)).transpose()?.unwrap_or_default();
+    let mut odometer = drive.odometer(&config);
+    let mut csv = String::from("t_s,speed_m_s,yaw_rate_rad_s\n");
+    let mut steps = Vec::new();
+    let mut spent_s = 0.0;
+    let bar = progress(drive.frames.len(), "motion");
+    let mut before: Option<usize> = None;
+    for &frame in &drive.frames {
+        let grey = drive.image(frame)?.grey();
+        let started = Instant::now();
+        let shown = odometer.step(&grey, drive.times_s[frame]);
+        spent_s += started.elapsed().as_secs_f64();
+        if let Some(before) = before.replace(frame) {
+            let dt_s = drive.times_s[frame] - drive.times_s[before];
+            let truth = truth.get(before).zip(truth.get(frame)).map(|(from, to)| {
+                let moved = from.inverse() * to;
+                (moved.translation.vector.z / dt_s, -moved.rotation.scaled_axis().y / dt_s)
+            });
+            steps.push(Step { shown, truth });
+            let field = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.4}"));
+            let (speed, turn) = (shown.and_then(|s| s.speed_m_s), shown.map(|s| s.yaw_rate_rad_s));
+            // Writing to a string does not fail.
+            let _ = writeln!(csv, "{:.6},{},{}", drive.times_s[frame], field(speed), field(turn));
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    if let Some(path) = &args.out {
+        common::atomic_file::write(path, csv.as_bytes())?;
+    }
+    common::say!("{}", table(&steps, 1e3 * spent_s / drive.frames.len().max(1) as f64));
+    Ok(true)
+}
+
+fn table(steps: &[Step], each_ms: f64) -> String {
+    let told = |is: fn(&Odometry) -> bool| steps.iter().filter(|step| step.shown.as_ref().is_some_and(is)).count();
+    let mut text = format!(
+        "{} steps: turn told in {}, speed in {}; {each_ms:.1} ms an image",
+        steps.len(),
+        told(|_| true),
+        told(|shown| shown.speed_m_s.is_some())
+    );
+    let pairs = || steps.iter().filter_map(|step| step.shown.zip(step.truth));
+    let speeds: Vec<f64> = pairs().filter_map(|(shown, (speed_m_s, _))| Some(shown.speed_m_s? - speed_m_s)).collect();
+    let turns: Vec<f64> = pairs().map(|(shown, (_, yaw_rate_rad_s))| shown.yaw_rate_rad_s - yaw_rate_rad_s).collect();
+    for (what, off) in [("speed, m/s", &speeds), ("yaw rate, rad/s", &turns)] {
+        if !off.is_empty() {
+            let count = off.len() as f64;
+            let mean = off.iter().sum::<f64>() / count;
+            let rms = (off.iter().map(|off| off * off).sum::<f64>() / count).sqrt();
+            let most = off.iter().fold(0.0_f64, |most, off| most.max(off.abs()));
+            let _ = write!(text, "\n{what:<16} off by {rms:.4} RMS, {mean:+.4} mean, {most:.4} at most");
+        }
+    }
+    text
+}

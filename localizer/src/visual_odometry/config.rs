@@ -1,0 +1,175 @@
+//! Settings of the motion between two images.
+
+use serde::{Deserialize, Serialize};
+
+use crate::odometry::OdometryConfig;
+
+/// How the motion between two images is found.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct VisualOdometryConfig {
+    /// Whether it is: where there are images, and no log of wheels.
+    pub is_on: bool,
+    /// The points that are followed.
+    pub tracks: TrackConfig,
+    /// The rotation from them.
+    pub rotation: RotationConfig,
+    /// The speed from the road.
+    pub road: RoadConfig,
+    /// How well the motion is known in the end. Its scale is that of the assumed
+    /// height of the camera; its errors last for some frames, as the grades of
+    /// roads and the pitching that cause them do: held against the worlds and
+    /// KITTI 04, 0.2 to 0.35 m/s and 0.001 to 0.003 rad/s, and so taken as twice
+    /// as much.
+    pub accuracy: OdometryConfig,
+}
+
+/// Points that are followed from one image to the next.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrackConfig {
+    /// Cells across the image, each with its own best points: far ones tell the
+    /// turn and near ones the direction, so they have to be everywhere.
+    pub columns: u32,
+    /// Cells from the top to the bottom.
+    pub rows: u32,
+    /// Points in a cell at most.
+    pub most_in_cell: u32,
+    /// Strength of the weakest corner, as a share of the strongest one near.
+    pub least_quality: f32,
+    /// Distance between two of them, pixels.
+    pub apart_px: u32,
+    /// Side of the window that is compared, pixels, odd.
+    pub window_px: usize,
+    /// Levels of the image pyramid: with the window, a point is found up to
+    /// `window_px * 2^(levels - 2)` pixels from where it is expected.
+    pub levels: usize,
+    /// How far off a point may be that was followed there and back, pixels.
+    pub round_trip_px: f32,
+}
+
+/// Rotation and direction of the motion.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RotationConfig {
+    /// Standard deviation of a point that was followed, pixels.
+    pub sigma_px: f64,
+    /// Standard deviation of the turn about each axis of the camera between two
+    /// images, radians: pitching and rolling of 10 degrees a second, corners at
+    /// 20 degrees a second more or less than in the image before.
+    pub turn_sigma_rad: [f64; 3],
+    /// Standard deviation of the direction of motion to the right, radians: the
+    /// mounting of the camera, and slip.
+    pub aside_sigma_rad: f64,
+    /// Standard deviation of the pitch of the camera against the road, radians,
+    /// around its mean.
+    pub pitch_sigma_rad: f64,
+    /// Standard deviation of the camera's vertical speed, m/s: bumps. A vehicle
+    /// at this over [`Self::pitch_sigma_rad`] is as much bumped as it pitches;
+    /// below, the direction of motion tells little of the pitch.
+    pub bump_sigma_m_s: f64,
+    /// How far the camera is ahead of the axle that does not steer, metres.
+    pub lever_m: f64,
+    /// Time in which the mean pitch follows, seconds: another load, another road.
+    pub pitch_memory_s: f64,
+    /// Fewest points that have to agree, and so has half of all.
+    pub fewest: usize,
+}
+
+/// The road before the vehicle, seen from above.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RoadConfig {
+    /// From how far ahead of the camera, metres, and how far: what is nearer is
+    /// below the image, and farther off an image row is longer than 0.3 m.
+    pub ahead_m: [f64; 2],
+    /// To each side of the way that the vehicle goes on, metres: there is road.
+    pub half_width_m: f64,
+    /// Side of a pixel of the view, metres.
+    pub pixel_m: f64,
+    /// Half the side of the square by whose mean and spread a pixel is
+    /// normalised, metres.
+    pub around_m: f64,
+    /// Fastest vehicle, m/s.
+    pub fastest_m_s: f64,
+    /// Hardest braking, m/s^2, with what the speeds are off by: a speed that no
+    /// vehicle gets to from the last is none.
+    pub hardest_m_s2: f64,
+    /// Share of the road that is seen at least in both views: a few pixels
+    /// correlate by chance.
+    pub least_shared: f64,
+    /// Least correlation of two views.
+    pub least_correlation: f64,
+    /// How much more that has to be than at any other speed, as a share of what
+    /// it is short of one: lines along the road make views alike at any speed.
+    pub least_lead: f64,
+    /// Half the width of the peak of the correlation, metres: what lies farther
+    /// off is another speed.
+    pub peak_m: f64,
+}
+
+impl Default for VisualOdometryConfig {
+    fn default() -> Self {
+        let accuracy = OdometryConfig {
+            speed_sigma_m_s: 0.6,
+            scale_sigma: 0.05,
+            yaw_rate_sigma_rad_s: 0.01,
+            yaw_bias_sigma_rad_s: 0.001,
+            drift_per_minute: 0.1,
+        };
+        Self {
+            is_on: true,
+            tracks: TrackConfig::default(),
+            rotation: RotationConfig::default(),
+            road: RoadConfig::default(),
+            accuracy,
+        }
+    }
+}
+
+impl Default for TrackConfig {
+    fn default() -> Self {
+        Self {
+            columns: 24,
+            rows: 8,
+            most_in_cell: 3,
+            least_quality: 0.05,
+            apart_px: 8,
+            window_px: 15,
+            levels: 4,
+            round_trip_px: 0.7,
+        }
+    }
+}
+
+impl Default for RotationConfig {
+    fn default() -> Self {
+        Self {
+            sigma_px: 0.5,
+            turn_sigma_rad: [0.02, 0.03, 0.02],
+            aside_sigma_rad: 0.03,
+            pitch_sigma_rad: 0.0075,
+            bump_sigma_m_s: 0.06,
+            lever_m: 1.5,
+            pitch_memory_s: 2.0,
+            fewest: 30,
+        }
+    }
+}
+
+impl Default for RoadConfig {
+    fn default() -> Self {
+        Self {
+            ahead_m: [5.0, 15.0],
+            half_width_m: 2.5,
+            pixel_m: 0.04,
+            around_m: 0.5,
+            fastest_m_s: 45.0,
+            hardest_m_s2: 20.0,
+            least_shared: 0.3,
+            least_correlation: 0.3,
+            least_lead: 0.2,
+            peak_m: 0.3,
+        }
+    }
+}

@@ -1,0 +1,202 @@
+//! How fast the vehicle drives and turns, from the images alone: what wheels and
+//! a gyroscope would say, for vehicles that have none.
+//!
+//! Points that are followed from one image to the next tell how the camera
+//! turned and in which direction it moved ([`rotation`]); how far it went, the
+//! road does ([`road`]): it lies as deep below the camera as it always does.
+//! The direction of the motion is along the road, and so tells how the camera
+//! is pitched against it.
+
+mod config;
+mod road;
+mod rotation;
+mod tracks;
+
+use common::geometry::PinholeCamera;
+use image::GrayImage;
+use nalgebra::Rotation3;
+
+pub use config::{RoadConfig, RotationConfig, TrackConfig, VisualOdometryConfig};
+use road::{Road, Shift, View};
+use rotation::{Belief, Motion, Parameters, fit};
+use tracks::Follower;
+
+use crate::odometry::Odometry;
+use crate::vision::Plane;
+
+/// Depth at which a point above the horizon is looked for, metres.
+const FAR_M: f64 = 30.0;
+/// Speeds that are tried while none is known are so far apart, m/s: by how much
+/// the points of the road may be off from where they are looked for.
+const TRIED_M_S: f64 = 8.0;
+/// Nearest that a way is taken as a direction, metres: who stands has none.
+const LEAST_WAY_M: f64 = 0.1;
+/// Sharpest bend, 1/m: a car's turning circle.
+const SHARPEST_PER_M: f64 = 0.2;
+
+/// Tells the motion from one image to the next.
+pub struct VisualOdometer {
+    config: VisualOdometryConfig,
+    camera: PinholeCamera,
+    camera_height_m: f64,
+    follower: Follower,
+    before: Option<(GrayImage, f64)>,
+    /// The last motion, as [`Parameters`], per second where it is a turn.
+    turn_rad_s: [f64; 3],
+    speed_m_s: Option<f64>,
+    /// Time since that speed was seen, seconds.
+    unseen_s: f64,
+    /// Mean of the camera's pitch against the road, radians, positive where it
+    /// looks down, and of how many images.
+    pitch_rad: f64,
+    pitch_images: f64,
+}
+
+impl VisualOdometer {
+    /// For a camera that stands so high over the road, metres.
+    pub fn new(camera: &PinholeCamera, camera_height_m: f64, config: &VisualOdometryConfig) -> Self {
+        Self {
+            config: *config,
+            camera: *camera,
+            camera_height_m,
+            follower: Follower::new(config.tracks),
+            before: None,
+            turn_rad_s: [0.0; 3],
+            speed_m_s: None,
+            unseen_s: 0.0,
+            pitch_rad: 0.0,
+            pitch_images: 0.0,
+        }
+    }
+
+    /// The mean motion since the image before; none for the first, for images
+    /// of different sizes, and where too few points agree. The speed is missing
+    /// where the road does not tell it.
+    pub fn step(&mut self, grey: &Plane, time_s: f64) -> Option<Odometry> {
+        let size = |pixels: usize| u32::try_from(pixels).ok();
+        let image = GrayImage::from_raw(size(grey.width())?, size(grey.height())?, grey.data().to_vec())?;
+        if self.before.as_ref().is_some_and(|(before, _)| before.dimensions() != image.dimensions()) {
+            *self = Self::new(&self.camera, self.camera_height_m, &self.config);
+        }
+        self.follower.advance(&image);
+        let (before, before_s) = self.before.replace((image, time_s))?;
+        let dt_s = time_s - before_s;
+        let Some(parameters) = self.turn(&before, dt_s) else {
+            (self.turn_rad_s, self.speed_m_s, self.unseen_s) = ([0.0; 3], None, 0.0);
+            return None;
+        };
+        self.turn_rad_s = std::array::from_fn(|i| parameters[i] / dt_s);
+        let shift = self.drive(&before, &parameters, dt_s);
+        self.unseen_s += dt_s;
+        let speed_m_s = shift.filter(|shift| self.is_believed(shift, dt_s)).map(|shift| shift.forward_m / dt_s);
+        if speed_m_s.is_some() {
+            (self.speed_m_s, self.unseen_s) = (speed_m_s, 0.0);
+        }
+        self.learn_pitch(&parameters, dt_s);
+        Some(Odometry { speed_m_s, yaw_rate_rad_s: -self.turn_rad_s[1] })
+    }
+
+    /// The rotation and the direction of the motion since `before`: as at the
+    /// last speed, or at that of some on which most points agree.
+    fn turn(&mut self, before: &GrayImage, dt_s: f64) -> Option<Parameters> {
+        if dt_s <= 0.0 {
+            return None;
+        }
+        if let Some(speed_m_s) = self.speed_m_s {
+            return self.turn_at(before, speed_m_s, dt_s).map(|(parameters, _)| parameters);
+        }
+        let tried = (self.config.road.fastest_m_s / TRIED_M_S) as u32;
+        let found = (0..=tried).filter_map(|i| self.turn_at(before, f64::from(i) * TRIED_M_S, dt_s));
+        found.max_by_key(|(_, agree)| *agree).map(|(parameters, _)| parameters)
+    }
+
+    /// The same at about this speed, and how many points agree.
+    fn turn_at(&mut self, before: &GrayImage, speed_m_s: f64, dt_s: f64) -> Option<(Parameters, usize)> {
+        let config = &self.config.rotation;
+        let way_m = speed_m_s * dt_s;
+        let [pitch, yaw, roll] = self.turn_rad_s.map(|rad_s| rad_s * dt_s);
+        let expected = Motion::new(&Parameters::from_column_slice(&[pitch, yaw, roll, 0.0, -self.pitch_rad]));
+        let tracks = self.follower.follow(before, &self.camera, |point| {
+            let of_road = (point.y + self.pitch_rad) / self.camera_height_m;
+            expected.at(point, (way_m * of_road.max(FAR_M.recip())).min(0.5))
+        });
+        // A camera ahead of the axle moves to the side that it turns to.
+        let step_m = way_m.max(LEAST_WAY_M);
+        let aside = (config.lever_m * yaw / step_m).clamp(-0.3, 0.3);
+        let [pitch_sigma, yaw_sigma, roll_sigma] = config.turn_sigma_rad;
+        let bump = config.bump_sigma_m_s * dt_s / step_m;
+        let belief = Belief {
+            mean: Parameters::from_column_slice(&[0.0, yaw, 0.0, aside, -self.pitch_rad]),
+            sigma: Parameters::from_column_slice(&[
+                pitch_sigma,
+                yaw_sigma,
+                roll_sigma,
+                config.aside_sigma_rad,
+                config.pitch_sigma_rad.hypot(bump),
+            ]),
+        };
+        let (parameters, agree) = fit(&tracks, &belief, config.sigma_px / self.camera.fx_px)?;
+        (agree >= config.fewest && 2 * agree >= tracks.len()).then_some((parameters, agree))
+    }
+
+    /// How far it went since `before`.
+    fn drive(&self, before: &GrayImage, parameters: &Parameters, dt_s: f64) -> Option<Shift> {
+        let (image, _) = self.before.as_ref()?;
+        let config = &self.config.road;
+        let after_from_before = Motion::new(parameters).after_from_before;
+        let most_m = config.fastest_m_s * dt_s;
+        let shift = |speed_m_s: f64| {
+            let bend_per_m = parameters[1] / (speed_m_s * dt_s).max(LEAST_WAY_M);
+            let road = Road {
+                height_m: self.camera_height_m,
+                rise: self.pitch_now_rad(parameters, speed_m_s),
+                bend_per_m: bend_per_m.clamp(-SHARPEST_PER_M, SHARPEST_PER_M),
+            };
+            let view = |image, turned: &Rotation3<f64>| View::new(image, &self.camera, turned, &road, config);
+            view(before, &Rotation3::identity()).shift_to(
+                &view(image, &after_from_before),
+                parameters[3],
+                most_m,
+                config,
+            )
+        };
+        match self.speed_m_s {
+            Some(speed_m_s) => shift(speed_m_s),
+            // How far to believe the direction, the speed says.
+            None => shift(shift(0.0)?.forward_m / dt_s),
+        }
+    }
+
+    /// Whether the road tells a speed at all, and one that can have followed the
+    /// last.
+    fn is_believed(&self, shift: &Shift, dt_s: f64) -> bool {
+        let config = &self.config.road;
+        let most_m_s = config.hardest_m_s2 * self.unseen_s;
+        let is_next = self.speed_m_s.is_none_or(|last_m_s| (shift.forward_m / dt_s - last_m_s).abs() <= most_m_s);
+        let least_lead = config.least_lead * (1.0 - shift.correlation);
+        shift.correlation >= config.least_correlation && shift.lead >= least_lead && is_next
+    }
+
+    /// The camera's pitch against the road: the slower, the less the direction
+    /// of the motion tells of it, as bumps move the camera, too.
+    fn pitch_now_rad(&self, parameters: &Parameters, speed_m_s: f64) -> f64 {
+        let share = self.trust(speed_m_s);
+        share * -parameters[4] + (1.0 - share) * self.pitch_rad
+    }
+
+    fn trust(&self, speed_m_s: f64) -> f64 {
+        let config = &self.config.rotation;
+        let (pitches, bumps) = (speed_m_s * config.pitch_sigma_rad, config.bump_sigma_m_s.max(1e-6));
+        pitches * pitches / (pitches * pitches + bumps * bumps)
+    }
+
+    fn learn_pitch(&mut self, parameters: &Parameters, dt_s: f64) {
+        let trust = self.speed_m_s.map_or(0.0, |speed_m_s| self.trust(speed_m_s));
+        self.pitch_images += trust;
+        let share = (dt_s / self.config.rotation.pitch_memory_s.max(dt_s)).max(self.pitch_images.max(1.0).recip());
+        self.pitch_rad += trust * share * (-parameters[4] - self.pitch_rad);
+    }
+}
+
+#[cfg(test)]
+mod tests;

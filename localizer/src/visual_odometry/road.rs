@@ -1,0 +1,189 @@
+//! How far the vehicle went, from the road before it as seen from above in two
+//! images.
+//!
+//! Where the rotation and the direction of the motion are known, the view of
+//! the road moves by the way that was driven, and by nothing else; so it is the
+//! shift at which the two views correlate best. Asphalt, joints, paint and
+//! shadows all count, and no point has to be told from another.
+
+use common::geometry::PinholeCamera;
+use image::GrayImage;
+use nalgebra::{Rotation3, Vector3};
+
+use super::config::RoadConfig;
+
+/// Variance of a view that is noise of the camera, grey levels squared.
+const NOISE: f64 = 4.0;
+/// Largest deviation that counts, standard deviations: paint is no more than
+/// asphalt.
+const MOST_DEVIATION: f64 = 3.0;
+
+/// The road from above, rows from far to near; zero where it is not seen.
+pub(super) struct View {
+    columns: usize,
+    rows: usize,
+    data: Vec<f32>,
+}
+
+/// How the road lies before the camera.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Road {
+    /// Of the camera over it, metres.
+    pub height_m: f64,
+    /// By how much its distance below the optical axis shrinks per metre ahead.
+    pub rise: f64,
+    /// Curvature of the way ahead, 1/m, positive to the right.
+    pub bend_per_m: f64,
+}
+
+/// A shift and how sure it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Shift {
+    /// Towards the camera, metres.
+    pub forward_m: f64,
+    /// Correlation there.
+    pub correlation: f64,
+    /// By how much that is more than at any other shift.
+    pub lead: f64,
+}
+
+impl View {
+    /// The road in an image whose camera is turned against axes in which the
+    /// road lies as told.
+    pub fn new(
+        image: &GrayImage,
+        camera: &PinholeCamera,
+        camera_from_level: &Rotation3<f64>,
+        road: &Road,
+        config: &RoadConfig,
+    ) -> Self {
+        let [near_m, far_m] = config.ahead_m;
+        let aside_m = 0.5 * road.bend_per_m.abs() * far_m * far_m;
+        let half_m = (config.half_width_m + aside_m).min(2.0 * config.half_width_m);
+        let count = |length_m: f64| (length_m / config.pixel_m).ceil().max(1.0) as usize;
+        let (columns, rows) = (count(2.0 * half_m), count(far_m - near_m));
+        let mut seen = vec![f32::NAN; columns * rows];
+        for (y, row) in seen.chunks_exact_mut(columns).enumerate() {
+            let z_m = far_m - y as f64 * config.pixel_m;
+            let middle_m = 0.5 * road.bend_per_m * z_m * z_m;
+            for (x, grey) in row.iter_mut().enumerate() {
+                let x_m = x as f64 * config.pixel_m - half_m;
+                if (x_m - middle_m).abs() <= config.half_width_m {
+                    let point = camera_from_level * Vector3::new(x_m, road.height_m - road.rise * z_m, z_m);
+                    let u_px = camera.fx_px * point.x / point.z + camera.cx_px;
+                    let v_px = camera.fy_px * point.y / point.z + camera.cy_px;
+                    *grey = sample(image, u_px as f32, v_px as f32).unwrap_or(f32::NAN);
+                }
+            }
+        }
+        Self { columns, rows, data: normalised(&seen, columns, count(config.around_m)) }
+    }
+
+    /// The shift from this view to that of the image after, of up to `most_m`;
+    /// `aside` to the right for each metre forward.
+    pub fn shift_to(&self, after: &Self, aside: f64, most_m: f64, config: &RoadConfig) -> Option<Shift> {
+        // Half of the view has to be in both.
+        let most = ((most_m / config.pixel_m) as usize).min(self.rows / 2);
+        let seen = self.data.iter().filter(|grey| **grey != 0.0).count() as f64;
+        let score = |rows| {
+            let (correlation, shared) = self.correlation(after, rows, aside);
+            if f64::from(shared) < config.least_shared * seen { 0.0 } else { correlation }
+        };
+        let scores: Vec<f64> = (0..=most).map(score).collect();
+        let best = (0..scores.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b]))?;
+        let peak = (config.peak_m / config.pixel_m) as usize;
+        let others = scores.iter().enumerate().filter(|(i, _)| i.abs_diff(best) > peak);
+        let second = others.map(|(_, score)| *score).fold(0.0, f64::max);
+        let correlation = scores[best];
+        Some(Shift {
+            forward_m: (best as f64 + vertex(&scores, best)) * config.pixel_m,
+            correlation,
+            lead: correlation - second,
+        })
+    }
+
+    /// The correlation where what is in a row of this view is so many rows
+    /// nearer in the other, of the same size, and how many pixels are in both.
+    fn correlation(&self, after: &Self, rows: usize, aside: f64) -> (f64, u32) {
+        let columns = (aside * rows as f64).round() as isize;
+        let (mut product, mut square, mut square_after, mut shared_pixels) = (0.0, 0.0, 0.0, 0);
+        let shared = self.columns.saturating_sub(columns.unsigned_abs());
+        let (from, from_after) = (columns.max(0) as usize, (-columns).max(0) as usize);
+        for y in rows..self.rows {
+            let row = &self.data[(y - rows) * self.columns..][from..][..shared];
+            let row_after = &after.data[y * self.columns..][from_after..][..shared];
+            let (mut sum, mut sum_square, mut sum_square_after, mut count) = (0.0_f32, 0.0_f32, 0.0_f32, 0);
+            for (&a, &b) in row.iter().zip(row_after) {
+                // What is not seen in one of them is zero there.
+                let both = u8::from(a != 0.0 && b != 0.0);
+                sum += a * b;
+                sum_square += f32::from(both) * a * a;
+                sum_square_after += f32::from(both) * b * b;
+                count += u32::from(both);
+            }
+            product += f64::from(sum);
+            square += f64::from(sum_square);
+            square_after += f64::from(sum_square_after);
+            shared_pixels += count;
+        }
+        (product / (square * square_after).sqrt().max(1.0), shared_pixels)
+    }
+}
+
+/// Where between its neighbours the best score has its vertex, -0.5 to 0.5; at
+/// the ends of the scores, on it.
+fn vertex(scores: &[f64], best: usize) -> f64 {
+    let neighbours = best.checked_sub(1).and_then(|i| scores.get(i)).zip(scores.get(best + 1));
+    let Some((before, after)) = neighbours else { return 0.0 };
+    let bow = before - 2.0 * scores[best] + after;
+    if bow < 0.0 { (0.5 * (before - after) / bow).clamp(-0.5, 0.5) } else { 0.0 }
+}
+
+/// The grey value between four pixels; none outside the image.
+fn sample(image: &GrayImage, u_px: f32, v_px: f32) -> Option<f32> {
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    // NaN is outside, too.
+    if !(u_px >= 0.0 && v_px >= 0.0 && u_px < (width - 1) as f32 && v_px < (height - 1) as f32) {
+        return None;
+    }
+    let (u, v) = (u_px as usize, v_px as usize);
+    let (right, down) = (u_px - u as f32, v_px - v as f32);
+    let upper = image.as_raw().get(v * width + u..)?;
+    let lower = upper.get(width..)?;
+    let between = |row: &[u8]| Some(f32::from(*row.first()?) * (1.0 - right) + f32::from(*row.get(1)?) * right);
+    Some(between(upper)? * (1.0 - down) + between(lower)? * down)
+}
+
+/// Each pixel less the mean of those around it, over their spread; zero where
+/// nothing is seen.
+fn normalised(seen: &[f32], columns: usize, around: usize) -> Vec<f32> {
+    let rows = seen.len() / columns;
+    let stride = columns + 1;
+    // Sums of count, value and square over all that is above and to the left.
+    let mut sums = vec![[0.0_f64; 3]; stride * (rows + 1)];
+    for y in 0..rows {
+        let mut row = [0.0; 3];
+        for x in 0..columns {
+            let value = f64::from(seen[y * columns + x]);
+            let terms = if value.is_nan() { [0.0; 3] } else { [1.0, value, value * value] };
+            for k in 0..3 {
+                row[k] += terms[k];
+                sums[(y + 1) * stride + x + 1][k] = sums[y * stride + x + 1][k] + row[k];
+            }
+        }
+    }
+    let mut out = vec![0.0; seen.len()];
+    for (i, out) in out.iter_mut().enumerate().filter(|(i, _)| !seen[*i].is_nan()) {
+        let (x, y) = (i % columns, i / columns);
+        let (left, right) = (x.saturating_sub(around), (x + around + 1).min(columns));
+        let (top, bottom) = (y.saturating_sub(around), (y + around + 1).min(rows));
+        let [count, sum, squares]: [f64; 3] = std::array::from_fn(|k| {
+            sums[bottom * stride + right][k] - sums[top * stride + right][k] - sums[bottom * stride + left][k]
+                + sums[top * stride + left][k]
+        });
+        let mean = sum / count;
+        let spread = ((squares / count - mean * mean).max(0.0) + NOISE).sqrt();
+        *out = ((f64::from(seen[i]) - mean) / spread).clamp(-MOST_DEVIATION, MOST_DEVIATION) as f32;
+    }
+    out
+}

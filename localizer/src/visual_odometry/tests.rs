@@ -1,0 +1,92 @@
+//! A camera that drives over a made-up plane.
+
+use super::*;
+
+const HEIGHT_M: f64 = 1.65;
+
+fn camera() -> PinholeCamera {
+    PinholeCamera {
+        fx_px: 350.0,
+        fy_px: 350.0,
+        cx_px: 310.0,
+        cy_px: 90.0,
+        from_reference_m: nalgebra::Vector3::zeros(),
+    }
+}
+
+/// Grey of a place: noise of several grain sizes.
+fn grey(x: f64, y: f64) -> f64 {
+    let grain = |size: f64| {
+        let corner = |i: f64, j: f64| ((i * 12.9898 + j * 78.233 + size).sin() * 43758.5453).rem_euclid(1.0) - 0.5;
+        let (i, j) = ((x / size).floor(), (y / size).floor());
+        let (a, b) = (x / size - i, y / size - j);
+        let along = |j: f64| corner(i, j) * (1.0 - a) + corner(i + 1.0, j) * a;
+        along(j) * (1.0 - b) + along(j + 1.0) * b
+    };
+    128.0 + 60.0 * [0.15, 0.4, 1.1, 3.0].map(grain).iter().sum::<f64>()
+}
+
+/// What the camera sees `ahead_m` along a road, turned by `yaw_rad` to the right
+/// and pitched down by `pitch_rad`, between walls 8 m to each side.
+fn image(ahead_m: f64, yaw_rad: f64, pitch_rad: f64) -> Plane {
+    let camera = camera();
+    let level_from_camera = Rotation3::from_axis_angle(&nalgebra::Vector3::y_axis(), yaw_rad)
+        * Rotation3::from_axis_angle(&nalgebra::Vector3::x_axis(), -pitch_rad);
+    let mut plane = Plane::zeros(620, 188);
+    for (i, pixel) in plane.data_mut().iter_mut().enumerate() {
+        let (u, v) = ((i % 620) as f64, (i / 620) as f64);
+        let ray = level_from_camera
+            * nalgebra::Vector3::new((u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, 1.0);
+        let (wall, road) = (8.0 / ray.x.abs().max(1e-9), HEIGHT_M / ray.y.max(1e-9));
+        let place = ray * wall.min(road).min(80.0);
+        // What is far is as blurred as its pixels are large.
+        let blur = (-place.norm() / 25.0).exp();
+        let seen = if road < wall { grey(place.x, place.z + ahead_m) } else { grey(place.y + 7.0, place.z + ahead_m) };
+        *pixel = (128.0 + blur * (seen - 128.0)).round() as u8;
+    }
+    plane
+}
+
+fn drive(speed_m_s: f64, yaw_rate_rad_s: f64, pitch_rad: f64) -> Vec<Option<Odometry>> {
+    let mut odometer = VisualOdometer::new(&camera(), HEIGHT_M, &VisualOdometryConfig::default());
+    let frame = |i: i32| {
+        let t = f64::from(i) * 0.1;
+        odometer.step(&image(speed_m_s * t, yaw_rate_rad_s * t, pitch_rad), t)
+    };
+    (0..6).map(frame).collect()
+}
+
+#[test]
+fn speed_and_turn_are_read_from_the_images() {
+    for (speed_m_s, yaw_rate_rad_s, pitch_rad) in
+        [(8.0, 0.0, 0.0), (12.0, 0.0, 0.02), (25.0, 0.0, 0.0), (10.0, -0.05, 0.01)]
+    {
+        let steps = drive(speed_m_s, yaw_rate_rad_s, pitch_rad);
+        assert!(steps[0].is_none());
+        let last = steps.last().copied().flatten().unwrap();
+        let speed_off = last.speed_m_s.unwrap() / speed_m_s - 1.0;
+        assert!(speed_off.abs() < 0.04, "{speed_m_s} m/s: {steps:?}");
+        // To the right is negative.
+        assert!((last.yaw_rate_rad_s + yaw_rate_rad_s).abs() < 0.01, "{yaw_rate_rad_s} rad/s: {steps:?}");
+    }
+}
+
+#[test]
+fn a_vehicle_that_stands_has_no_speed() {
+    for step in &drive(0.0, 0.0, 0.0)[1..] {
+        let step = step.unwrap();
+        assert!(step.speed_m_s.unwrap().abs() < 0.05 && step.yaw_rate_rad_s.abs() < 1e-3, "{step:?}");
+    }
+}
+
+#[test]
+fn what_shows_nothing_tells_nothing() {
+    let mut odometer = VisualOdometer::new(&camera(), HEIGHT_M, &VisualOdometryConfig::default());
+    let black = Plane::zeros(620, 188);
+    assert!((0..3).all(|i| odometer.step(&black, f64::from(i)).is_none()));
+    // Images of another size, of no size, and at one time.
+    for (plane, time_s) in [(Plane::zeros(40, 30), 4.0), (Plane::zeros(1, 1), 5.0), (image(0.0, 0.0, 0.0), 6.0)] {
+        assert_eq!(odometer.step(&plane, time_s), None);
+    }
+    assert_eq!(odometer.step(&image(1.0, 0.0, 0.0), 6.0), None);
+}

@@ -1,0 +1,27 @@
+//! The images tell how the camera moved.
+
+use crate::support::{run, text};
+
+#[test]
+fn speed_and_turn_come_from_the_images_of_a_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    let (drive, csv) = (folder.path().join("drive"), folder.path().join("motion.csv"));
+    run("fixtures", &["generate", "--world", "street", "--frames", "8", "--images", "--out", text(&drive)]).ok();
+    let truth = drive.join("truth/poses.txt");
+    let words = ["motion", "--kitti", text(&drive), "--sequence", "00", "--out", text(&csv), "--truth"];
+    let said = run("localizer", &[&words[..], &[text(&truth)]].concat()).ok();
+    assert!(said.starts_with("7 steps: turn told in 7, speed in 7; "), "{said}");
+    let poses = common::kitti::read_poses(&truth).unwrap();
+    let written = std::fs::read_to_string(&csv).unwrap();
+    let rows: Vec<&str> = written.lines().skip(1).collect();
+    assert_eq!(rows.len(), 7);
+    for (row, pair) in rows.iter().zip(poses.windows(2)) {
+        let values: Vec<f64> = row.split(',').map(|value| value.parse().unwrap()).collect();
+        let moved = pair[0].inverse() * pair[1];
+        let speed_m_s = 10.0 * moved.translation.vector.z;
+        assert!((values[1] / speed_m_s - 1.0).abs() < 0.1, "{row}: {speed_m_s}");
+        assert!((values[2] + 10.0 * moved.rotation.scaled_axis().y).abs() < 0.01, "{row}");
+    }
+    let nowhere = folder.path().join("nowhere.txt");
+    run("localizer", &[&words[..], &[text(&nowhere)]].concat()).refused(&["nowhere.txt", "No such file"]);
+}

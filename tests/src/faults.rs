@@ -10,6 +10,7 @@ mod tests;
 
 use clap::ValueEnum;
 use localizer::eval::FrameError;
+use localizer::odometry::OdometryLog;
 use localizer::run::FrameResult;
 use nalgebra::{UnitVector3, Vector3};
 use rand::SeedableRng;
@@ -152,7 +153,17 @@ impl Fault {
                 signals::kidnap(&mut trial, &ends, KIDNAPPED_M, KIDNAPPED_DEG.to_radians(), &mut random);
             }
         }
+        if trial.motion_is_of_images && self.is_of_images() {
+            trial.odometry = OdometryLog::default();
+        }
         Faulty { trial, ends }
+    }
+
+    /// Whether it spoils the images or their times, and not only what is found in
+    /// them: what they said of the motion when they were whole, they do not say.
+    fn is_of_images(self) -> bool {
+        use Fault::{Black, Clock, Clock25, Doubled, Dropped, Kidnapped, Stale};
+        matches!(self, Black | Kidnapped | Dropped | Doubled | Stale | Clock | Clock25)
     }
 
     /// The word for it on the command line and in the table.

@@ -68,6 +68,8 @@ pub struct Trial {
     pub fixes: BTreeMap<usize, GpsFix>,
     /// What wheels and gyroscope say, or the images.
     pub odometry: OdometryLog,
+    /// Whether the images said it.
+    pub motion_is_of_images: bool,
     /// `map_from_camera` of every frame of the sequence.
     pub truth: Vec<Pose>,
     /// Settings.
@@ -77,11 +79,6 @@ pub struct Trial {
 }
 
 impl LookArgs {
-    /// Whether a log of wheels is given.
-    pub fn has_wheels(&self) -> bool {
-        self.odometry.is_some()
-    }
-
     /// Looks at all images; none where the settings were to be printed, and are.
     ///
     /// # Errors
@@ -89,6 +86,7 @@ impl LookArgs {
     pub fn read(&self) -> localizer::Result<Option<Trial>> {
         let Some(mut config) = self.config.load()? else { return Ok(None) };
         let wheels = self.odometry.as_deref().map(OdometryLog::read).transpose()?;
+        let motion_is_of_images = wheels.is_none();
         let input = self.input.read(&config, |_, _, _| Ok(()))?;
         // The map as a whole, for it may be moved; `read` saw that it is given.
         let map = self.input.map.as_ref().map(common::map::read).transpose()?.unwrap_or_default();
@@ -98,7 +96,8 @@ impl LookArgs {
         let mut frames = input.frames;
         frames.retain(|seen| seen.frame < truth.len());
         let (camera, image) = (input.drive.camera, input.image);
-        Ok(Some(Trial { map, camera, image, frames, fixes, odometry, truth, config, method: Method::Robust }))
+        let method = Method::Robust;
+        Ok(Some(Trial { map, camera, image, frames, fixes, odometry, motion_is_of_images, truth, config, method }))
     }
 }
 

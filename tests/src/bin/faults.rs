@@ -3,7 +3,6 @@
 use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
-use localizer::odometry::OdometryLog;
 use waymark_tests::cli::{Outcome, ended};
 use waymark_tests::faults::{Fault, Row};
 use waymark_tests::trial::{TrialArgs, stretches};
@@ -13,8 +12,8 @@ use waymark_tests::trial::{TrialArgs, stretches};
 /// Hazardous are frames that are called ok and are off by 0.5 m or more.
 /// Frames to recover count from the end of the fault to the first frame that is
 /// called ok and is: the most of all stretches, and `never` if there is none.
-/// Faults are put into features and times: what the images say of the motion
-/// would know of none of them, and is left out.
+/// Where images or their times are spoilt, what they say of the motion is left
+/// out.
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {
@@ -30,10 +29,7 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Outcome {
-    let Some(mut clean) = arguments.of.look.read()? else { return Ok(()) };
-    if !arguments.of.look.has_wheels() {
-        clean.odometry = OdometryLog::default();
-    }
+    let Some(clean) = arguments.of.look.read()? else { return Ok(()) };
     let seed = arguments.of.look.seed;
     let faults = if arguments.only.is_empty() { Fault::value_variants() } else { &arguments.only };
     if !arguments.of.json {

@@ -88,6 +88,7 @@ pub fn clean() -> Trial {
         frames,
         fixes,
         odometry,
+        motion_is_of_images: true,
         truth,
         config: Config::default(),
         method: Method::Robust,

@@ -29,6 +29,17 @@ fn every_fault_repeats_with_its_seed_and_changes_something() {
 }
 
 #[test]
+fn spoilt_images_tell_no_motion_but_wheels_do() {
+    let by_images = clean();
+    let by_wheels = Trial { motion_is_of_images: false, ..clean() };
+    for fault in [Fault::Black, Fault::Stale, Fault::Clock] {
+        assert!(fault.applied(&by_images, 1).trial.odometry.is_empty());
+        assert!(!fault.applied(&by_wheels, 1).trial.odometry.is_empty());
+    }
+    assert!(!Fault::NoLanes.applied(&by_images, 1).trial.odometry.is_empty());
+}
+
+#[test]
 fn the_share_of_false_features_is_as_said_and_the_true_ones_stay() {
     let clean = clean();
     for (fault, share) in [(Fault::False20, 0.2), (Fault::False40, 0.4)] {

@@ -2,8 +2,8 @@
 //! a gyroscope would say, for vehicles that have none.
 //!
 //! Points that are followed from one image to the next tell how the camera
-//! turned and in which direction it moved ([`rotation`]); how far it went, the
-//! road does ([`road`]): it lies as deep below the camera as it always does.
+//! turned and in which direction it moved; how far it went, the road does: it
+//! lies as deep below the camera as it always does.
 //! The direction of the motion is along the road, and so tells how the camera
 //! is pitched against it.
 
@@ -41,7 +41,7 @@ pub struct VisualOdometer {
     camera_height_m: f64,
     follower: Follower,
     before: Option<(GrayImage, f64)>,
-    /// The last motion, as [`Parameters`], per second where it is a turn.
+    /// The last turn about the camera's axes, right, down and forward.
     turn_rad_s: [f64; 3],
     speed_m_s: Option<f64>,
     /// Time since that speed was seen, seconds.

@@ -38,9 +38,9 @@ pub const LIMITS: &[Limits] = &[
     limits("visual_odometry.tracks.window_px", 5.0, 101.0),
     limits("visual_odometry.tracks.levels", 1.0, 8.0),
     limits("visual_odometry.rotation.*", 1e-4, 1000.0),
-    range("visual_odometry.road.ahead_m", 1.0, 100.0),
-    limits("visual_odometry.road.half_width_m", 0.5, 20.0),
-    limits("visual_odometry.road.pixel_m", 0.01, 0.5),
+    range("visual_odometry.road.ahead_m", 1.0, 40.0),
+    limits("visual_odometry.road.half_width_m", 0.5, 8.0),
+    limits("visual_odometry.road.pixel_m", 0.02, 0.5),
     limits("visual_odometry.road.around_m", 0.05, 5.0),
     limits("visual_odometry.road.*", 0.0, 200.0),
 ];

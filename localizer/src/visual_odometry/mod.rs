@@ -73,7 +73,7 @@ impl VisualOdometer {
     /// of different sizes, and where too few points agree. The speed is missing
     /// where the road does not tell it.
     pub fn step(&mut self, grey: &Plane, time_s: f64) -> Option<Odometry> {
-        let size = |pixels: usize| u32::try_from(pixels).ok();
+        let size = |pixels: usize| u32::try_from(pixels).ok().filter(|pixels| *pixels > 0);
         let image = GrayImage::from_raw(size(grey.width())?, size(grey.height())?, grey.data().to_vec())?;
         if self.before.as_ref().is_some_and(|(before, _)| before.dimensions() != image.dimensions()) {
             *self = Self::new(&self.camera, self.camera_height_m, &self.config);

@@ -108,6 +108,9 @@ impl View {
         let columns = (aside * rows as f64).round() as isize;
         let (mut product, mut square, mut square_after, mut shared_pixels) = (0.0, 0.0, 0.0, 0);
         let shared = self.columns.saturating_sub(columns.unsigned_abs());
+        if shared == 0 {
+            return (0.0, 0);
+        }
         let (from, from_after) = (columns.max(0) as usize, (-columns).max(0) as usize);
         for y in rows..self.rows {
             let row = &self.data[(y - rows) * self.columns..][from..][..shared];
@@ -186,4 +189,35 @@ fn normalised(seen: &[f32], columns: usize, around: usize) -> Vec<f32> {
         *out = ((f64::from(seen[i]) - mean) / spread).clamp(-MOST_DEVIATION, MOST_DEVIATION) as f32;
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera() -> PinholeCamera {
+        PinholeCamera { fx_px: 200.0, fy_px: 200.0, cx_px: 150.0, cy_px: 20.0, from_reference_m: Vector3::zeros() }
+    }
+
+    fn view(image: &GrayImage, config: &RoadConfig) -> View {
+        let road = Road { height_m: 1.65, rise: 0.0, bend_per_m: 0.0 };
+        View::new(image, &camera(), &Rotation3::identity(), &road, config)
+    }
+
+    #[test]
+    fn a_view_is_itself_where_nothing_moved_and_nothing_where_nothing_is_shared() {
+        let config = RoadConfig::default();
+        let image = GrayImage::from_fn(300, 100, |u, v| image::Luma([(u * 37 % 101 + v * 53 % 97) as u8]));
+        let seen = view(&image, &config);
+        let shift = seen.shift_to(&seen, 0.0, 4.0, &config).unwrap();
+        assert!(shift.forward_m.abs() < 1e-6 && (shift.correlation - 1.0).abs() < 1e-3, "{shift:?}");
+        assert_eq!(seen.correlation(&seen, 10, 1e3), (0.0, 0));
+        assert_eq!(seen.correlation(&seen, 10, -1e3), (0.0, 0));
+    }
+
+    #[test]
+    fn the_vertex_lies_between_the_neighbours() {
+        assert!((vertex(&[0.2, 0.8, 0.6], 1) - 0.25).abs() < 1e-9);
+        assert_eq!((vertex(&[0.2, 0.8], 1), vertex(&[0.5, 0.5, 0.5], 1)), (0.0, 0.0));
+    }
 }

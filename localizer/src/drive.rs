@@ -161,20 +161,21 @@ impl Drive {
 
     /// The odometer for the images of this drive.
     pub fn odometer(&self, config: &Config) -> VisualOdometer {
-        let height_m = config.vision.lanes.ground.map_or(CAMERA_HEIGHT_M, |ground| ground.camera_height_m);
-        VisualOdometer::new(&self.camera, height_m, &config.visual_odometry)
+        let ground = config.vision.lanes.ground.unwrap_or_else(|| self.ground());
+        VisualOdometer::new(&self.camera, ground.camera_height_m, &config.visual_odometry)
     }
 
     /// The settings with the ground that this camera sees, where they do not
     /// give one.
     fn calibrated(&self, config: &VisionConfig) -> VisionConfig {
         let mut config = config.clone();
-        config.lanes.ground.get_or_insert(Ground {
-            horizon_px: self.camera.cy_px,
-            focal_px: self.camera.fy_px,
-            camera_height_m: CAMERA_HEIGHT_M,
-        });
+        config.lanes.ground.get_or_insert_with(|| self.ground());
         config
+    }
+
+    /// The ground before a level camera of KITTI's height.
+    fn ground(&self) -> Ground {
+        Ground { horizon_px: self.camera.cy_px, focal_px: self.camera.fy_px, camera_height_m: CAMERA_HEIGHT_M }
     }
 }
 

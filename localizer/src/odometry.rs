@@ -173,7 +173,8 @@ mod tests {
         let motion = |speed_m_s| Odometry { speed_m_s, yaw_rate_rad_s: 0.2 };
         log.push(0.0, 0.1, motion(Some(8.0)));
         log.push(0.1, 0.2, motion(None));
-        log.push(0.15, 0.25, motion(Some(9.0)));
+        // Goes back in time, and would close the gap.
+        log.push(0.15, 0.3, motion(Some(9.0)));
         log.push(0.3, 0.4, motion(Some(9.0)));
         assert!((log.between(0.0, 0.1).unwrap().speed_m_s.unwrap() - 8.0).abs() < 1e-9);
         let turn_alone = log.between(0.0, 0.2).unwrap();

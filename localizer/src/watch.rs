@@ -21,6 +21,17 @@ pub struct Watched {
     pub image: ImageSize,
 }
 
+/// What is known of the motion: what a log of wheels says, else the images. Sets
+/// how well in the settings.
+pub fn odometry(wheels: Option<OdometryLog>, images: &OdometryLog, config: &mut Config) -> OdometryLog {
+    wheels.unwrap_or_else(|| {
+        if !images.is_empty() {
+            config.odometry = config.visual_odometry.accuracy;
+        }
+        images.clone()
+    })
+}
+
 /// Looks at frames of a drive, in their order; `seen` is called for each.
 ///
 /// # Errors

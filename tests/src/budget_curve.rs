@@ -15,7 +15,7 @@ use localizer::output::Recorded;
 use localizer::projection::ImageSize;
 use localizer::run::{FrameFeatures, Localizer, Method, localize};
 use localizer::vision::network::Runtime;
-use localizer::watch::{Watched, watch};
+use localizer::watch::{Watched, odometry, watch};
 use mapper::budget::{Coder, Detail, Known};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -64,9 +64,7 @@ impl Seen {
         if frames.is_empty() {
             return Err("the drive has no frame with a true pose; give the poses of this drive".to_owned());
         }
-        if !motion.is_empty() {
-            config.odometry = config.visual_odometry.accuracy;
-        }
+        let motion = odometry(None, &motion, &mut config);
         Ok(Self { drive, image, frames, motion, truth, config })
     }
 

@@ -18,6 +18,7 @@ use localizer::odometry::OdometryLog;
 use localizer::output::{Recorded, Timing};
 use localizer::projection::ImageSize;
 use localizer::run::{FrameFeatures, FrameResult, Localizer, Method, localize};
+use localizer::watch::odometry;
 use serde::Serialize;
 
 /// Position error that nobody should meet unwarned, metres.
@@ -92,7 +93,7 @@ impl LookArgs {
         let map = self.input.map.as_ref().map(common::map::read).transpose()?.unwrap_or_default();
         let truth = self.input.true_poses(&input.drive)?;
         let fixes = simulated(&input.frames, &truth, &config, self.seed)?;
-        let odometry = input.odometry(wheels, &mut config);
+        let odometry = odometry(wheels, &input.motion, &mut config);
         let mut frames = input.frames;
         frames.retain(|seen| seen.frame < truth.len());
         let (camera, image) = (input.drive.camera, input.image);

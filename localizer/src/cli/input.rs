@@ -68,19 +68,6 @@ pub struct Input {
     pub motion: OdometryLog,
 }
 
-impl Input {
-    /// What is known of the motion: what a log of wheels says, else the images;
-    /// and sets how well.
-    pub fn odometry(&self, wheels: Option<OdometryLog>, config: &mut Config) -> OdometryLog {
-        wheels.unwrap_or_else(|| {
-            if !self.motion.is_empty() {
-                config.odometry = config.visual_odometry.accuracy;
-            }
-            self.motion.clone()
-        })
-    }
-}
-
 impl InputArgs {
     /// The drive.
     ///

@@ -13,6 +13,7 @@ use crate::overlay::{self, ProjectedShape};
 use crate::preselect::{Candidates, Lookup, Reach};
 use crate::projection::View;
 use crate::run::{FrameResult, Localizer, Method, localize};
+use crate::watch::odometry;
 use crate::{Result, config::Config, gps, output};
 
 /// Arguments of `localizer run`.
@@ -62,7 +63,7 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
         }
         Ok(())
     })?;
-    let odometry = input.odometry(wheels, &mut config);
+    let odometry = odometry(wheels, &input.motion, &mut config);
     let fixes = match &args.gps {
         Some(path) => started(&input.frames, gps::read(path, &input.drive.times_s, &config.gps)?)?,
         None => simulated(&input.frames, &args.input.true_poses(&input.drive)?, &config, args.gps_seed)?,

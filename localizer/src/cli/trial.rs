@@ -11,6 +11,7 @@ use crate::eval::{LOST_M, Report, START_FRAMES, StageTime, score};
 use crate::odometry::OdometryLog;
 use crate::output::{Recorded, Timing};
 use crate::run::{Localizer, Method, localize};
+use crate::watch::odometry;
 use crate::{Error, Result, config::Config};
 
 /// Arguments of `localizer trial`.
@@ -45,7 +46,7 @@ pub fn execute(args: &TrialArgs) -> Result<bool> {
     let Some(mut config) = args.config.load()? else { return Ok(true) };
     let wheels = args.odometry.as_deref().map(OdometryLog::read).transpose()?;
     let mut input = args.input.read(&config, |_, _, _| Ok(()))?;
-    let odometry = input.odometry(wheels, &mut config);
+    let odometry = odometry(wheels, &input.motion, &mut config);
     let truth = args.input.true_poses(&input.drive)?;
     let methods = args.method.map_or_else(|| vec![Method::Robust, Method::Paper], |method| vec![method]);
     common::say!(

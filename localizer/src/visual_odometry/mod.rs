@@ -18,7 +18,7 @@ use nalgebra::Rotation3;
 
 pub use config::{RoadConfig, RotationConfig, TrackConfig, VisualOdometryConfig};
 use road::{Road, Shift, View};
-use rotation::{Belief, Motion, Parameters, fit};
+use rotation::{ASIDE, Belief, DOWN, Motion, Parameters, YAW, fit};
 use tracks::Follower;
 
 use crate::odometry::Odometry;
@@ -93,7 +93,7 @@ impl VisualOdometer {
             (self.speed_m_s, self.unseen_s) = (speed_m_s, 0.0);
         }
         self.learn_pitch(&parameters, dt_s);
-        Some(Odometry { speed_m_s, yaw_rate_rad_s: -self.turn_rad_s[1] })
+        Some(Odometry { speed_m_s, yaw_rate_rad_s: -self.turn_rad_s[YAW] })
     }
 
     /// The rotation and the direction of the motion since `before`: as at the
@@ -102,21 +102,22 @@ impl VisualOdometer {
         if dt_s <= 0.0 {
             return None;
         }
+        self.follower.find(before);
         if let Some(speed_m_s) = self.speed_m_s {
-            return self.turn_at(before, speed_m_s, dt_s).map(|(parameters, _)| parameters);
+            return self.turn_at(speed_m_s, dt_s).map(|(parameters, _)| parameters);
         }
         let tried = (self.config.road.fastest_m_s / TRIED_M_S) as u32;
-        let found = (0..=tried).filter_map(|i| self.turn_at(before, f64::from(i) * TRIED_M_S, dt_s));
+        let found = (0..=tried).filter_map(|i| self.turn_at(f64::from(i) * TRIED_M_S, dt_s));
         found.max_by_key(|(_, agree)| *agree).map(|(parameters, _)| parameters)
     }
 
     /// The same at about this speed, and how many points agree.
-    fn turn_at(&mut self, before: &GrayImage, speed_m_s: f64, dt_s: f64) -> Option<(Parameters, usize)> {
+    fn turn_at(&mut self, speed_m_s: f64, dt_s: f64) -> Option<(Parameters, usize)> {
         let config = &self.config.rotation;
         let way_m = speed_m_s * dt_s;
         let [pitch, yaw, roll] = self.turn_rad_s.map(|rad_s| rad_s * dt_s);
         let expected = Motion::new(&Parameters::from_column_slice(&[pitch, yaw, roll, 0.0, -self.pitch_rad]));
-        let tracks = self.follower.follow(before, &self.camera, |point| {
+        let tracks = self.follower.follow(&self.camera, |point| {
             let of_road = (point.y + self.pitch_rad) / self.camera_height_m;
             expected.at(point, (way_m * of_road.max(FAR_M.recip())).min(0.5))
         });
@@ -146,7 +147,7 @@ impl VisualOdometer {
         let after_from_before = Motion::new(parameters).after_from_before;
         let most_m = config.fastest_m_s * dt_s;
         let shift = |speed_m_s: f64| {
-            let bend_per_m = parameters[1] / (speed_m_s * dt_s).max(LEAST_WAY_M);
+            let bend_per_m = parameters[YAW] / (speed_m_s * dt_s).max(LEAST_WAY_M);
             let road = Road {
                 height_m: self.camera_height_m,
                 rise: self.pitch_now_rad(parameters, speed_m_s),
@@ -155,7 +156,7 @@ impl VisualOdometer {
             let view = |image, turned: &Rotation3<f64>| View::new(image, &self.camera, turned, &road, config);
             view(before, &Rotation3::identity()).shift_to(
                 &view(image, &after_from_before),
-                parameters[3],
+                parameters[ASIDE],
                 most_m,
                 config,
             )
@@ -181,7 +182,7 @@ impl VisualOdometer {
     /// of the motion tells of it, as bumps move the camera, too.
     fn pitch_now_rad(&self, parameters: &Parameters, speed_m_s: f64) -> f64 {
         let share = self.trust(speed_m_s);
-        share * -parameters[4] + (1.0 - share) * self.pitch_rad
+        share * -parameters[DOWN] + (1.0 - share) * self.pitch_rad
     }
 
     fn trust(&self, speed_m_s: f64) -> f64 {
@@ -194,7 +195,7 @@ impl VisualOdometer {
         let trust = self.speed_m_s.map_or(0.0, |speed_m_s| self.trust(speed_m_s));
         self.pitch_images += trust;
         let share = (dt_s / self.config.rotation.pitch_memory_s.max(dt_s)).max(self.pitch_images.max(1.0).recip());
-        self.pitch_rad += trust * share * (-parameters[4] - self.pitch_rad);
+        self.pitch_rad += trust * share * (-parameters[DOWN] - self.pitch_rad);
     }
 }
 

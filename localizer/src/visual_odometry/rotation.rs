@@ -12,6 +12,12 @@ use nalgebra::{Point2, Rotation3, SMatrix, SVector, Vector2, Vector3};
 /// Rotation vector (0 to 2), and displacement to the right and down per metre
 /// forward (3, 4).
 pub(super) const PARAMETERS: usize = 5;
+/// The turn about the axis that points down, to the right.
+pub(super) const YAW: usize = 1;
+/// The displacement to the right.
+pub(super) const ASIDE: usize = 3;
+/// The displacement down.
+pub(super) const DOWN: usize = 4;
 pub(super) type Parameters = SVector<f64, PARAMETERS>;
 type Normal = SMatrix<f64, PARAMETERS, PARAMETERS>;
 
@@ -55,7 +61,7 @@ impl Motion {
         let turn = Vector3::new(parameters[0], parameters[1], parameters[2]);
         Self {
             after_from_before: Rotation3::from_scaled_axis(-turn),
-            moved: Vector3::new(parameters[3], parameters[4], 1.0),
+            moved: Vector3::new(parameters[ASIDE], parameters[DOWN], 1.0),
         }
     }
 

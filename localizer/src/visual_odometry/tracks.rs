@@ -1,6 +1,7 @@
 //! Points that are followed from one image to the next (Shi and Tomasi 1994,
 //! Bouguet 2000), by `optical-flow-lk`.
 
+use common::geometry::PinholeCamera;
 use image::GrayImage;
 use nalgebra::Point2;
 use optical_flow_lk::{
@@ -9,7 +10,6 @@ use optical_flow_lk::{
 
 use super::config::TrackConfig;
 use super::rotation::Track;
-use common::geometry::PinholeCamera;
 
 /// Most steps at a level: nearly all end before.
 const ROUNDS: usize = 20;
@@ -39,21 +39,25 @@ impl Follower {
         self.tracker.advance(image, self.config.levels.max(1));
     }
 
-    /// The points of `before`, the image before the last that was given, which
-    /// are in the last, too, as directions (pixels over the focal length from
-    /// the optical axis). `expected` says where one may be.
-    pub fn follow(
-        &mut self,
-        before: &GrayImage,
-        camera: &PinholeCamera,
-        expected: impl Fn(&Point2<f64>) -> Option<Point2<f64>>,
-    ) -> Vec<Track> {
+    /// Finds the points of `before`, the image before the last that was given.
+    pub fn find(&mut self, before: &GrayImage) {
         let config = &self.config;
         let grid =
             Grid { cols: config.columns.max(1), rows: config.rows.max(1), max_per_cell: config.most_in_cell.max(1) };
         let corners = self.detector.detect_grid(before, grid, config.least_quality, config.apart_px, &[]);
         self.points_px.clear();
         self.points_px.extend(corners.iter().map(optical_flow_lk::Corner::position));
+    }
+
+    /// Those that were found and are in the last image, too, as directions
+    /// (pixels over the focal length from the optical axis). `expected` says
+    /// where one may be.
+    pub fn follow(
+        &mut self,
+        camera: &PinholeCamera,
+        expected: impl Fn(&Point2<f64>) -> Option<Point2<f64>>,
+    ) -> Vec<Track> {
+        let config = &self.config;
         self.expected_px.clear();
         self.expected_px.extend(self.points_px.iter().map(|&point_px| {
             expected(&direction(camera, point_px)).map_or(point_px, |expected| {

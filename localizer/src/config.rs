@@ -42,6 +42,9 @@ pub const LIMITS: &[Limits] = &[
     limits("visual_odometry.road.half_width_m", 0.5, 8.0),
     limits("visual_odometry.road.pixel_m", 0.02, 0.5),
     limits("visual_odometry.road.around_m", 0.05, 5.0),
+    limits("visual_odometry.road.sag_sigma_per_m", 0.0, 0.1),
+    limits("visual_odometry.road.sag_length_m", 0.1, 1e4),
+    limits("visual_odometry.road.half_sigma_m", 1e-3, 10.0),
     limits("visual_odometry.road.*", 0.0, 200.0),
 ];
 

@@ -19,7 +19,7 @@ pub struct VisualOdometryConfig {
     /// How well the motion is known in the end. Its scale is that of the assumed
     /// height of the camera; its errors last for some frames, as the grades of
     /// roads and the pitching that cause them do: held against the worlds and
-    /// KITTI 04, 0.2 to 0.35 m/s and 0.001 to 0.003 rad/s, and so taken as twice
+    /// KITTI 04, 0.15 to 0.3 m/s and 0.001 to 0.003 rad/s, and so taken as twice
     /// as much.
     pub accuracy: OdometryConfig,
 }
@@ -106,12 +106,20 @@ pub struct RoadConfig {
     /// Half the width of the peak of the correlation, metres: what lies farther
     /// off is another speed.
     pub peak_m: f64,
+    /// Standard deviation of the curvature of roads upwards, 1/m: crests and sags
+    /// of 670 m, as roads for 50 to 60 km/h have them.
+    pub sag_sigma_per_m: f64,
+    /// Length over which that changes, metres.
+    pub sag_length_m: f64,
+    /// Standard deviation of the shift of one half of the view, metres: a pixel
+    /// of it, with what the pitch and bumps of the road do.
+    pub half_sigma_m: f64,
 }
 
 impl Default for VisualOdometryConfig {
     fn default() -> Self {
         let accuracy = OdometryConfig {
-            speed_sigma_m_s: 0.6,
+            speed_sigma_m_s: 0.5,
             scale_sigma: 0.05,
             yaw_rate_sigma_rad_s: 0.01,
             yaw_bias_sigma_rad_s: 0.001,
@@ -170,6 +178,9 @@ impl Default for RoadConfig {
             least_correlation: 0.3,
             least_lead: 0.2,
             peak_m: 0.3,
+            sag_sigma_per_m: 0.0015,
+            sag_length_m: 30.0,
+            half_sigma_m: 0.035,
         }
     }
 }

@@ -8,6 +8,7 @@
 //! is pitched against it.
 
 mod config;
+mod grade;
 mod road;
 mod rotation;
 mod tracks;
@@ -17,6 +18,7 @@ use image::GrayImage;
 use nalgebra::Rotation3;
 
 pub use config::{RoadConfig, RotationConfig, TrackConfig, VisualOdometryConfig};
+use grade::Grade;
 use road::{Road, Shift, View};
 use rotation::{ASIDE, Belief, DOWN, Motion, Parameters, YAW, fit};
 use tracks::Follower;
@@ -50,6 +52,7 @@ pub struct VisualOdometer {
     /// looks down, and of how many images.
     pitch_rad: f64,
     pitch_images: f64,
+    grade: Grade,
 }
 
 impl VisualOdometer {
@@ -66,6 +69,7 @@ impl VisualOdometer {
             unseen_s: 0.0,
             pitch_rad: 0.0,
             pitch_images: 0.0,
+            grade: Grade::new(&config.road),
         }
     }
 
@@ -88,7 +92,11 @@ impl VisualOdometer {
         self.turn_rad_s = std::array::from_fn(|i| parameters[i] / dt_s);
         let shift = self.drive(&before, &parameters, dt_s);
         self.unseen_s += dt_s;
-        let speed_m_s = shift.filter(|shift| self.is_believed(shift, dt_s)).map(|shift| shift.forward_m / dt_s);
+        self.grade.advance(self.speed_m_s.unwrap_or(0.0) * dt_s, &self.config.road);
+        let speed_m_s = shift.filter(|shift| self.is_believed(shift, dt_s)).map(|shift| {
+            let way_m = shift.forward_m / self.grade.stretch(&shift, self.camera_height_m, &self.config.road);
+            way_m / dt_s
+        });
         if speed_m_s.is_some() {
             (self.speed_m_s, self.unseen_s) = (speed_m_s, 0.0);
         }
@@ -152,6 +160,7 @@ impl VisualOdometer {
                 height_m: self.camera_height_m,
                 rise: self.pitch_now_rad(parameters, speed_m_s),
                 bend_per_m: bend_per_m.clamp(-SHARPEST_PER_M, SHARPEST_PER_M),
+                sag_per_m: self.grade.sag_per_m(),
             };
             let view = |image, turned: &Rotation3<f64>| View::new(image, &self.camera, turned, &road, config);
             view(before, &Rotation3::identity()).shift_to(

@@ -6,6 +6,8 @@
 //! shift at which the two views correlate best. Asphalt, joints, paint and
 //! shadows all count, and no point has to be told from another.
 
+use std::ops::Range;
+
 use common::geometry::PinholeCamera;
 use image::GrayImage;
 use nalgebra::{Rotation3, Vector3};
@@ -34,6 +36,15 @@ pub(super) struct Road {
     pub rise: f64,
     /// Curvature of the way ahead, 1/m, positive to the right.
     pub bend_per_m: f64,
+    /// The same upwards, 1/m: positive in a sag, negative on a crest.
+    pub sag_per_m: f64,
+}
+
+impl Road {
+    /// How far below the optical axis it lies so far ahead, metres.
+    fn below_m(&self, ahead_m: f64) -> f64 {
+        self.height_m - self.rise * ahead_m - 0.5 * self.sag_per_m * ahead_m * ahead_m
+    }
 }
 
 /// A shift and how sure it is.
@@ -45,6 +56,17 @@ pub(super) struct Shift {
     pub correlation: f64,
     /// By how much that is more than at any other shift.
     pub lead: f64,
+    /// What the far and the near half of the view say alone, where both do.
+    pub halves: Option<[Half; 2]>,
+}
+
+/// One half of a view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Half {
+    /// Its middle, metres ahead of the camera.
+    pub ahead_m: f64,
+    /// Its shift towards the camera, metres.
+    pub forward_m: f64,
 }
 
 impl View {
@@ -69,7 +91,7 @@ impl View {
             for (x, grey) in row.iter_mut().enumerate() {
                 let x_m = x as f64 * config.pixel_m - half_m;
                 if (x_m - middle_m).abs() <= config.half_width_m {
-                    let point = camera_from_level * Vector3::new(x_m, road.height_m - road.rise * z_m, z_m);
+                    let point = camera_from_level * Vector3::new(x_m, road.below_m(z_m), z_m);
                     let u_px = camera.fx_px * point.x / point.z + camera.cx_px;
                     let v_px = camera.fy_px * point.y / point.z + camera.cy_px;
                     *grey = sample(image, u_px as f32, v_px as f32).unwrap_or(f32::NAN);
@@ -86,7 +108,7 @@ impl View {
         let most = ((most_m / config.pixel_m) as usize).min(self.rows / 2);
         let seen = self.data.iter().filter(|grey| **grey != 0.0).count() as f64;
         let score = |rows| {
-            let (correlation, shared) = self.correlation(after, rows, aside);
+            let (correlation, shared) = self.correlation(after, rows, aside, rows..self.rows);
             if f64::from(shared) < config.least_shared * seen { 0.0 } else { correlation }
         };
         let scores: Vec<f64> = (0..=most).map(score).collect();
@@ -99,12 +121,38 @@ impl View {
             forward_m: (best as f64 + vertex(&scores, best)) * config.pixel_m,
             correlation,
             lead: correlation - second,
+            halves: self.halves_to(after, aside, best, config),
         })
     }
 
+    /// The shifts of the far and of the near half, close to that of both.
+    fn halves_to(&self, after: &Self, aside: f64, rows: usize, config: &RoadConfig) -> Option<[Half; 2]> {
+        let peak = (config.peak_m / config.pixel_m) as usize;
+        let shifts = rows.saturating_sub(peak)..=(rows + peak).min(self.rows / 2);
+        let half = |is_near: bool| {
+            let part = |rows| {
+                let middle = usize::midpoint(rows, self.rows);
+                if is_near { middle..self.rows } else { rows..middle }
+            };
+            let scores: Vec<f64> =
+                shifts.clone().map(|rows| self.correlation(after, rows, aside, part(rows)).0).collect();
+            let best = (0..scores.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b]))?;
+            let is_peak = best > 0 && best + 1 < scores.len() && scores[best] >= config.least_correlation;
+            let rows = shifts.start() + best;
+            // A row of the other view, and half the way back from it.
+            let middle = 0.5 * (part(rows).start + part(rows).end - rows) as f64;
+            is_peak.then(|| Half {
+                ahead_m: config.ahead_m[1] - middle * config.pixel_m,
+                forward_m: (rows as f64 + vertex(&scores, best)) * config.pixel_m,
+            })
+        };
+        Some([half(false)?, half(true)?])
+    }
+
     /// The correlation where what is in a row of this view is so many rows
-    /// nearer in the other, of the same size, and how many pixels are in both.
-    fn correlation(&self, after: &Self, rows: usize, aside: f64) -> (f64, u32) {
+    /// nearer in the other, of the same size, and how many pixels are in both;
+    /// in some rows of the other, the first no farther than that shift.
+    fn correlation(&self, after: &Self, rows: usize, aside: f64, of_after: Range<usize>) -> (f64, u32) {
         let columns = (aside * rows as f64).round() as isize;
         let (mut product, mut square, mut square_after, mut shared_pixels) = (0.0, 0.0, 0.0, 0);
         let shared = self.columns.saturating_sub(columns.unsigned_abs());
@@ -112,7 +160,7 @@ impl View {
             return (0.0, 0);
         }
         let (from, from_after) = (columns.max(0) as usize, (-columns).max(0) as usize);
-        for y in rows..self.rows {
+        for y in of_after {
             let row = &self.data[(y - rows) * self.columns..][from..][..shared];
             let row_after = &after.data[y * self.columns..][from_after..][..shared];
             let (mut sum, mut sum_square, mut sum_square_after, mut count) = (0.0_f32, 0.0_f32, 0.0_f32, 0);
@@ -200,7 +248,7 @@ mod tests {
     }
 
     fn view(image: &GrayImage, config: &RoadConfig) -> View {
-        let road = Road { height_m: 1.65, rise: 0.0, bend_per_m: 0.0 };
+        let road = Road { height_m: 1.65, rise: 0.0, bend_per_m: 0.0, sag_per_m: 0.0 };
         View::new(image, &camera(), &Rotation3::identity(), &road, config)
     }
 
@@ -211,8 +259,8 @@ mod tests {
         let seen = view(&image, &config);
         let shift = seen.shift_to(&seen, 0.0, 4.0, &config).unwrap();
         assert!(shift.forward_m.abs() < 1e-6 && (shift.correlation - 1.0).abs() < 1e-3, "{shift:?}");
-        assert_eq!(seen.correlation(&seen, 10, 1e3), (0.0, 0));
-        assert_eq!(seen.correlation(&seen, 10, -1e3), (0.0, 0));
+        assert_eq!(seen.correlation(&seen, 10, 1e3, 10..seen.rows), (0.0, 0));
+        assert_eq!(seen.correlation(&seen, 10, -1e3, 10..seen.rows), (0.0, 0));
     }
 
     #[test]

@@ -29,6 +29,12 @@ fn grey(x: f64, y: f64) -> f64 {
 /// What the camera sees `ahead_m` along a road, turned by `yaw_rad` to the right
 /// and pitched down by `pitch_rad`, between walls 8 m to each side.
 fn image(ahead_m: f64, yaw_rad: f64, pitch_rad: f64) -> Plane {
+    image_on(0.0, ahead_m, yaw_rad, pitch_rad)
+}
+
+/// The same on a road that bends upwards by so much per metre: on a circle, so
+/// that it looks the same from everywhere.
+fn image_on(sag_per_m: f64, ahead_m: f64, yaw_rad: f64, pitch_rad: f64) -> Plane {
     let camera = camera();
     let level_from_camera = Rotation3::from_axis_angle(&nalgebra::Vector3::y_axis(), yaw_rad)
         * Rotation3::from_axis_angle(&nalgebra::Vector3::x_axis(), -pitch_rad);
@@ -37,11 +43,14 @@ fn image(ahead_m: f64, yaw_rad: f64, pitch_rad: f64) -> Plane {
         let (u, v) = ((i % 620) as f64, (i / 620) as f64);
         let ray = level_from_camera
             * nalgebra::Vector3::new((u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, 1.0);
-        let (wall, road) = (8.0 / ray.x.abs().max(1e-9), HEIGHT_M / ray.y.max(1e-9));
+        // Where height - y - z^2 sag / 2 = 0 on the ray.
+        let fall = (ray.y * ray.y + 2.0 * sag_per_m * ray.z * ray.z * HEIGHT_M).max(0.0).sqrt();
+        let (wall, road) = (8.0 / ray.x.abs().max(1e-9), 2.0 * HEIGHT_M / (ray.y + fall).max(1e-9));
         let place = ray * wall.min(road).min(80.0);
+        let over_road_m = HEIGHT_M - place.y - 0.5 * sag_per_m * place.z * place.z;
         // What is far is as blurred as its pixels are large.
         let blur = (-place.norm() / 25.0).exp();
-        let seen = if road < wall { grey(place.x, place.z + ahead_m) } else { grey(place.y + 7.0, place.z + ahead_m) };
+        let seen = if road < wall { grey(place.x, place.z + ahead_m) } else { grey(over_road_m, place.z + ahead_m) };
         *pixel = (128.0 + blur * (seen - 128.0)).round() as u8;
     }
     plane
@@ -68,6 +77,25 @@ fn speed_and_turn_are_read_from_the_images() {
         assert!(speed_off.abs() < 0.04, "{speed_m_s} m/s: {steps:?}");
         // To the right is negative.
         assert!((last.yaw_rate_rad_s + yaw_rate_rad_s).abs() < 0.01, "{yaw_rate_rad_s} rad/s: {steps:?}");
+    }
+}
+
+#[test]
+fn crests_and_sags_are_no_speed() {
+    for sag_per_m in [-0.003, 0.003] {
+        let speed_off = |sag_sigma_per_m: f64| {
+            let mut config = VisualOdometryConfig::default();
+            config.road.sag_sigma_per_m = sag_sigma_per_m;
+            let mut odometer = VisualOdometer::new(&camera(), HEIGHT_M, &config);
+            let step = |i: i32| {
+                let t = f64::from(i) * 0.1;
+                odometer.step(&image_on(sag_per_m, 13.0 * t, 0.0, 0.0), t)
+            };
+            (0..15).map(step).last().flatten().unwrap().speed_m_s.unwrap() / 13.0 - 1.0
+        };
+        let (taken_for_flat, known) = (speed_off(1e-6), speed_off(0.0015));
+        assert!(taken_for_flat.abs() > 0.06, "{sag_per_m}: {taken_for_flat}");
+        assert!(known.abs() < 0.04 && known.abs() < 0.5 * taken_for_flat.abs(), "{sag_per_m}: {known}");
     }
 }
 

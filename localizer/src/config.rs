@@ -29,6 +29,7 @@ pub const LIMITS: &[Limits] = &[
     limits("start.max_cells", 1.0, 1e7),
     limits("detection.lane_spread_of_width", 0.001, 1.0),
     limits("detection.sign_band_of_height", 0.01, 1.0),
+    limits("noise.end_sigma_px", 0.1, 1000.0),
     limits("robust.max_rounds", 1.0, 1000.0),
     limits("vision.poles.ransac_rounds", 1.0, 1e6),
     limits("visual_odometry.tracks.columns", 1.0, 200.0),

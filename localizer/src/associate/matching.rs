@@ -355,9 +355,9 @@ impl Matcher {
     pub fn observations(&self, observations: &mut Vec<Observation>, groups: &mut Vec<crate::residual::Group>) {
         observations.clear();
         groups.clear();
-        for found in &self.matches {
+        for group in self.matches.iter().flat_map(|found| found.pairing.groups()) {
             let start = observations.len();
-            observations.extend_from_slice(found.pairing.observations());
+            observations.extend_from_slice(group);
             groups.push(crate::residual::Group::new(start, observations.len()));
         }
     }

@@ -168,7 +168,7 @@ struct Gates {
 /// Eq. 8 and 9: the distance of a pair, pixels. Repair: the two ends of a line
 /// are averaged, so that one gate holds for points and lines.
 fn distance_px(view: &View, pairing: &Pairing) -> Option<f64> {
-    let (first, last) = pairing.ends();
+    let (first, last) = pairing.extremes();
     let (a, b) = (first.distance_px(view)?, last.distance_px(view)?);
     Some(0.5 * (a.abs() + b.abs()))
 }

@@ -271,7 +271,7 @@ impl Associator {
         let view = View::new(scene.camera, pose);
         out.clear();
         out.extend(self.matcher.matches.iter().map(|found| {
-            let observations = found.pairing.observations();
+            let observations = found.pairing.line();
             let count = observations.len() as f64;
             let (mut square, mut whitened) = (0.0, 0.0);
             for observation in observations {

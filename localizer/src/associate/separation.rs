@@ -45,15 +45,19 @@ struct Part {
 
 impl Part {
     fn new(found: &Match, view: &View, solver: &SolverConfig) -> Self {
-        let observations = found.pairing.observations();
-        let Normal { lower: mut information, gradient, square, .. } = Normal::of(observations, view);
+        let (mut information, mut gradient) = (Matrix6::zeros(), Vector6::zeros());
+        for group in found.pairing.groups() {
+            let own = Normal::of(group, view);
+            let weight = solver.weight(own.square / group.len().max(1) as f64);
+            information += own.lower * weight;
+            gradient += own.gradient * weight;
+        }
         information.fill_upper_triangle_with_lower_triangle();
-        let weight = solver.weight(square / observations.len().max(1) as f64);
         let at_map = match found.landmark {
             LandmarkId::Lane(_) | LandmarkId::Marks(_) => None,
-            LandmarkId::Pole(_) | LandmarkId::Sign(_) => observations.first().map(|o| o.point_map),
+            LandmarkId::Pole(_) | LandmarkId::Sign(_) => found.pairing.line().first().map(|o| o.point_map),
         };
-        Self { at_map, information: information * weight, gradient: gradient * weight }
+        Self { at_map, information, gradient }
     }
 
     fn is_same_object(&self, other: &Self, object_m: f64) -> bool {

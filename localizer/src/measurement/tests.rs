@@ -1,12 +1,14 @@
 use super::*;
 use crate::projection::tests::camera;
+use crate::projection::{NEAR_M, View};
 use common::geometry::{Pose, PoseParameters, Tangent, retract};
 use common::map::{LaneKind, PoleKind, SignKind};
+use nalgebra::Point2;
 use proptest::prelude::*;
 
 use crate::features::{Features, LaneFeature, LineFeature};
-use crate::prepare::Prepared;
-use crate::preselect::{Candidates, LaneCandidate};
+use crate::prepare::{Prepared, PreparedPole};
+use crate::preselect::{Candidates, LaneCandidate, PoleCandidate};
 use crate::testing::IMAGE;
 
 const FOCAL_PX: f64 = 707.0;
@@ -82,7 +84,7 @@ fn the_ends_that_are_compared_are_those_that_both_have() {
     let pole = pole(3.0, 15.0, 6.0);
     let feature = feature_of(&pole, -0.5, 0.5);
     let pairing = pair(&pole, &feature).unwrap();
-    let (first, last) = pairing.ends();
+    let (first, last) = pairing.extremes();
     assert!((first.point_map - pole.top_map).norm() < 1e-6);
     let (lower, _) = view().project(&last.point_map).unwrap();
     assert!((lower - (feature.upper_px + feature.down * feature.length_px)).norm() < 1e-6);
@@ -111,6 +113,38 @@ fn a_foot_in_its_place_speaks_for_the_pole_and_one_in_the_ground_against() {
     // The lidar saw only the lower part.
     assert!((ends(-0.6, 1.0) - ends(0.0, 1.0)).abs() < 0.05);
     assert!(ends(0.5, 1.0) < ends(0.0, 1.0) - 0.5);
+}
+
+/// The ends that are seen of a pole's feature, and its observations.
+fn with_ends(kind: PoleKind, height_m: f64, feature: &PreparedPole) -> (Vec<Observation>, Pairing) {
+    let pole = PoleCandidate { kind, ..pole(3.0, 15.0, height_m) };
+    let image = PoleImage::new(&view(), &pole).unwrap();
+    let noise = NoiseConfig::default();
+    let mut pairing: Pairing = image.pair(feature, &noise, FOCAL_PX, 0.0).unwrap().into();
+    image.push_ends(feature, &noise, FOCAL_PX, 0.0, &mut pairing);
+    let ends = pairing.groups().skip(1).flatten().copied().collect();
+    (ends, pairing)
+}
+
+#[test]
+fn both_ends_of_a_low_pole_fix_its_height_in_the_image_where_they_are_seen() {
+    let own = feature_of(&pole(3.0, 15.0, 1.0), 0.0, 1.0);
+    let (ends, pairing) = with_ends(PoleKind::Delineator, 1.0, &own);
+    assert_eq!((ends.len(), pairing.line().len(), pairing.observations().len()), (2, 2, 4));
+    assert!(ends.iter().all(|end| end.distance_px(&view()).unwrap().abs() < 1e-6));
+    // A camera that looks up sees both lower.
+    let up = retract(&pose(), &Tangent::new(0.0, 0.0, 0.0, 0.01, 0.0, 0.0));
+    for end in &ends {
+        let off_px = end.distance_px(&View::new(&camera(), &up)).unwrap();
+        assert!((off_px.abs() - 0.01 * FOCAL_PX).abs() < 1.0, "{off_px}");
+    }
+    // The foot behind a car, or cut; the foot of a sign post behind one.
+    let hidden = feature_of(&pole(3.0, 15.0, 1.0), 0.0, 0.4);
+    assert_eq!(with_ends(PoleKind::Delineator, 1.0, &hidden).0.len(), 1);
+    let cut = PreparedPole { lower_is_cut: true, upper_is_cut: true, ..own };
+    assert_eq!(with_ends(PoleKind::Delineator, 1.0, &cut).0.len(), 0);
+    assert_eq!(with_ends(PoleKind::SignPost, 1.0, &own).0.len(), 1);
+    assert_eq!(with_ends(PoleKind::LampPost, 1.0, &own).0.len(), 0);
 }
 
 #[test]
@@ -184,7 +218,7 @@ fn a_lane_feature_is_compared_where_the_map_has_the_line() {
         let (share, most) = (ends.share(), ends.most_share(2));
         assert!(share <= most && most <= most_of_one);
         let sure = |end: Observation| Observation { sigma_px: end.sigma_px * share, ..end };
-        assert_eq!(pairing.ends(), (&sure(first), &sure(last)));
+        assert_eq!(pairing.extremes(), (&sure(first), &sure(last)));
     }
 }
 

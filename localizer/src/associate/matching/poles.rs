@@ -128,8 +128,10 @@ impl Matcher {
             |candidate| at(candidate).map_or(0.0, |(at, pole)| at.missing(look, pole)),
             |pair| {
                 let ((at, pole), feature) = at(pair.candidate).zip(scene.features.poles.get(pair.feature))?;
-                let pairing = at.image.pair(feature, scene.noise, focal_px, at.near?.slack_px())?;
-                Some((LandmarkId::Pole(pole.index), feature.index, pairing.into()))
+                let slack_px = at.near?.slack_px();
+                let mut pairing = at.image.pair(feature, scene.noise, focal_px, slack_px)?.into();
+                at.image.push_ends(feature, scene.noise, focal_px, slack_px, &mut pairing);
+                Some((LandmarkId::Pole(pole.index), feature.index, pairing))
             },
         );
         self.poles = poles;

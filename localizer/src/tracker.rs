@@ -69,6 +69,8 @@ pub struct Tracker<'a> {
     refused_fixes: usize,
     /// What was made of the last frame.
     verdict: Option<Verdict>,
+    /// Time since the best hypothesis was last followed, seconds.
+    unfollowed_s: f64,
     associator: Associator,
     search: Search,
     prepared: Prepared,
@@ -93,6 +95,7 @@ impl<'a> Tracker<'a> {
             region: None,
             refused_fixes: 0,
             verdict: None,
+            unfollowed_s: f64::INFINITY,
             associator: Associator::default(),
             search: Search::default(),
             prepared: Prepared::default(),
@@ -112,6 +115,7 @@ impl<'a> Tracker<'a> {
         let dt_s = self.last_time_s.map_or(0.0, |last_s| (input.time_s - last_s).max(0.0));
         self.last_time_s = Some(input.time_s);
         self.prepared.fill(input.features);
+        self.unfollowed_s += dt_s;
         self.predict(dt_s, input.odometry.as_ref());
         self.follow_region(dt_s, input)?;
         self.observe(dt_s, input.gps)?;
@@ -250,12 +254,21 @@ impl<'a> Tracker<'a> {
             &self.config.robust,
             &self.config.solver,
         );
-        let handicap = if self.bank.is_empty() { 0.0 } else { self.config.bank.newcomer_cost };
+        let handicap = if self.bank.is_empty() { 0.0 } else { self.newcomer_cost() };
         for refined in found {
             self.add(Hypothesis::found(&refined, &region, handicap, &self.config));
         }
         self.sort();
         Ok(true)
+    }
+
+    /// What a pose that the search finds beside those that are tracked pays,
+    /// nats: as much as a jump where one was just trusted, for that does not get
+    /// lost within some frames.
+    fn newcomer_cost(&self) -> f64 {
+        let bank = &self.config.bank;
+        let trusted = (-self.unfollowed_s / bank.trust_memory_s.max(f64::MIN_POSITIVE)).exp();
+        bank.newcomer_cost + (bank.jump_cost - bank.newcomer_cost) * trusted
     }
 
     /// Adds a hypothesis unless one like it is tracked already.
@@ -337,6 +350,7 @@ impl<'a> Tracker<'a> {
         self.verdict = Some(verdict);
         let status = verdict.status;
         if verdict.is_followed {
+            self.unfollowed_s = 0.0;
             // Should it be lost from here on, it is searched around here.
             self.region = Some(best.state.clone());
         }

@@ -45,6 +45,10 @@ pub struct BankConfig {
     /// What a hypothesis that was not tracked pays, nats: 5 says that one pose
     /// in 150 is lost.
     pub newcomer_cost: f64,
+    /// Time within which that it was lost becomes so probable, seconds: the
+    /// motion leads through some that show little. Before, a newcomer pays as a
+    /// jump does.
+    pub trust_memory_s: f64,
     /// What a jump of the best pose pays, nats.
     pub jump_cost: f64,
     /// Evidence by which the weight falls to 37 % in the mean that is said where
@@ -86,6 +90,7 @@ impl Default for BankConfig {
             handicap_memory: 0.95,
             prune_margin: 30.0,
             newcomer_cost: 5.0,
+            trust_memory_s: 3.0,
             jump_cost: 15.0,
             doubt: 3.0,
             max_innovation: 11.2,

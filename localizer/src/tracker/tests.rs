@@ -172,6 +172,29 @@ fn where_two_may_be_right_their_mean_is_said_with_their_spread() {
 }
 
 #[test]
+fn who_was_just_trusted_is_not_lost() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let bank = BankConfig::default();
+    let fresh = Tracker::new(&mut map, &world.camera, IMAGE, &Config::default());
+    assert!((fresh.newcomer_cost() - bank.newcomer_cost).abs() < 1e-9);
+    let mut map = LocalMap::whole(world.map.clone());
+    let mut tracker = followed(&world, &mut map);
+    assert!((tracker.newcomer_cost() - bank.jump_cost).abs() < 1e-9);
+    let mut time_s = tracker.last_time_s.unwrap();
+    let nothing = Features::default();
+    let mut costs = Vec::new();
+    for _ in 0..100 {
+        time_s += 0.1;
+        tracker.step(&FrameInput { time_s, features: &nothing, gps: None, odometry: None }).unwrap();
+        costs.push(tracker.newcomer_cost());
+    }
+    // Once what was believed is too uncertain to be followed.
+    let last = costs.last().unwrap();
+    assert!(costs.is_sorted_by(|a, b| a >= b) && *last < bank.newcomer_cost + 1.0, "{last}");
+}
+
+#[test]
 fn a_black_image_speaks_for_no_place() {
     let world = World::new(street());
     let mut map = LocalMap::whole(world.map.clone());

@@ -255,8 +255,10 @@ impl<'a> Tracker<'a> {
             &self.config.solver,
         );
         let handicap = if self.bank.is_empty() { 0.0 } else { self.newcomer_cost() };
+        // What is hidden from the best was hidden from the others, too.
+        let past_weight = self.bank.first().map_or(0.0, |best| best.past_weight.min(0.0));
         for refined in found {
-            self.add(Hypothesis::found(&refined, &region, handicap, &self.config));
+            self.add(Hypothesis::found(&refined, &region, past_weight, handicap, &self.config));
         }
         self.sort();
         Ok(true)

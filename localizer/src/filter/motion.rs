@@ -56,7 +56,8 @@ pub struct MotionConfig {
     /// Standard deviation of what pitch and roll return to, against a level
     /// camera on the survey's path, radians: crossfall and mounting.
     pub rest_sigma_rad: f64,
-    /// Time after which that has changed, seconds: another street.
+    /// Time after which that has changed, seconds: the mounting never does, the
+    /// crossfall does in another street.
     pub rest_memory_s: f64,
 }
 
@@ -78,7 +79,7 @@ impl Default for MotionConfig {
             height_sigma_m: 0.15,
             spring_s: 0.5,
             rest_sigma_rad: 0.026,
-            rest_memory_s: 5.0,
+            rest_memory_s: 20.0,
         }
     }
 }

@@ -159,11 +159,12 @@ pub struct Hypothesis {
 }
 
 impl Hypothesis {
-    /// A pose that the search found; its speed is that of the region.
-    pub fn found(refined: &Refined, region: &State, handicap: f64, config: &Config) -> Self {
+    /// A pose that the search found, with what it is taken to have had in the
+    /// frames before, and has to make up for; its speed is that of the region.
+    pub fn found(refined: &Refined, region: &State, past_weight: f64, handicap: f64, config: &Config) -> Self {
         let pose = refined.covariance * config.robust.gate_inflation;
         let state = region.moved_to(refined.map_from_camera, &pose);
-        let mut hypothesis = Self::blank(state, 0.0, handicap);
+        let mut hypothesis = Self::blank(state, past_weight, handicap);
         hypothesis.speed_is_unknown = true;
         hypothesis.take(refined, refined.prior_cost);
         hypothesis

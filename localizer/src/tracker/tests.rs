@@ -195,6 +195,23 @@ fn who_was_just_trusted_is_not_lost() {
 }
 
 #[test]
+fn what_was_hidden_from_the_best_was_hidden_from_those_beside_it() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let mut tracker = followed(&world, &mut map);
+    for past_weight in [-30.0, 10.0] {
+        tracker.bank.truncate(1);
+        let best = &mut tracker.bank[0];
+        best.state.map_from_camera = retract(&best.state.map_from_camera, &(Tangent::x() * 2.0));
+        (best.past_weight, best.log_weight) = (past_weight, past_weight);
+        assert!(tracker.search_if_needed().unwrap());
+        let found: Vec<f64> = tracker.bank.iter().filter(|h| h.age_frames == 0).map(|h| h.past_weight).collect();
+        assert!(!found.is_empty() && found.iter().all(|past| (past - past_weight.min(0.0)).abs() < 1e-9), "{found:?}");
+        tracker.bank.retain(|h| h.age_frames > 0);
+    }
+}
+
+#[test]
 fn a_black_image_speaks_for_no_place() {
     let world = World::new(street());
     let mut map = LocalMap::whole(world.map.clone());

@@ -155,9 +155,10 @@ fn trust_lines(trust: &Trust) -> [String; 2] {
     let [low, high] = trust.nees_bounds;
     [
         format!(
-            "{:<24}{:>10.2}   of ok frames; 6 expected, {low:.2} to {high:.2}; {:.1} % under 12.6",
+            "{:<24}{:>10.2}   of ok frames; 6 expected, {low:.2} to {high:.2} of {:.0} independent; {:.1} % under 12.6",
             "NEES mean",
             trust.mean_nees,
+            trust.independent,
             100.0 * trust.share_within
         ),
         format!(

@@ -29,7 +29,10 @@ pub struct Trust {
     /// Mean of their squared errors normalised by the covariance: 6 where it
     /// tells the truth, less where it is too careful.
     pub mean_nees: f64,
-    /// 95 % bounds of that mean, were the errors of the frames independent.
+    /// So many of these errors are as good as independent: the same landmarks
+    /// are seen again, so errors last for some frames.
+    pub independent: f64,
+    /// 95 % bounds of the mean of so many.
     pub nees_bounds: [f64; 2],
     /// Share of them under the 95 % quantile, 12.6.
     pub share_within: f64,
@@ -47,6 +50,7 @@ impl Trust {
         let mut trust = Self {
             ok: 0,
             mean_nees: 0.0,
+            independent: 0.0,
             nees_bounds: [0.0; 2],
             share_within: 0.0,
             available: 0,
@@ -54,6 +58,7 @@ impl Trust {
             hazardous: 0,
         };
         let mut known = false;
+        let mut squares = Vec::new();
         for (recorded, truth) in pairs {
             let Some(covariance) = recorded.covariance else { continue };
             known = true;
@@ -62,8 +67,7 @@ impl Trust {
             };
             let error = local(&recorded.map_from_camera, truth);
             let nees = error.dot(&factor.solve(&error));
-            trust.ok += 1;
-            trust.mean_nees += nees;
+            squares.push(nees);
             trust.share_within += f64::from(u8::from(nees <= CHI_SQUARE_95));
             let off_m = error.fixed_rows::<3>(0).norm();
             let level_m = protection_level_m(&covariance);
@@ -73,14 +77,38 @@ impl Trust {
                 trust.hazardous += usize::from(off_m > ALERT_LIMIT_M);
             }
         }
-        let count = trust.ok.max(1) as f64;
-        trust.mean_nees /= count;
+        trust.ok = squares.len();
+        let count = squares.len().max(1) as f64;
+        trust.mean_nees = squares.iter().sum::<f64>() / count;
         trust.share_within /= count;
-        // The sum of n squares of six degrees of freedom has 12 n as variance.
-        let reach = 1.96 * (12.0 / count).sqrt();
-        trust.nees_bounds = [(6.0 - reach).max(0.0), 6.0 + reach];
+        trust.independent = independent(&squares);
+        trust.nees_bounds = [-1.96, 1.96].map(|z| 6.0 * mean_chi_square(6.0 * trust.independent, z));
         known.then_some(trust)
     }
+}
+
+/// How many independent numbers have a mean as certain as that of these:
+/// `n / (1 + 2 sum rho_k)`, the autocorrelations `rho_k` up to where the sum of
+/// two that follow each other is no longer positive (Geyer, "Practical Markov
+/// chain Monte Carlo", 1992). At least one.
+fn independent(values: &[f64]) -> f64 {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count.max(1.0);
+    let product = |lag: usize| values.iter().zip(&values[lag..]).map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>();
+    let variance = product(0);
+    if variance <= 0.0 {
+        return count.max(1.0);
+    }
+    let pairs = (0..values.len() / 2).map(|i| (product(2 * i) + product(2 * i + 1)) / variance);
+    let sum: f64 = pairs.take_while(|pair| *pair > 0.0).sum();
+    (count / (2.0 * sum - 1.0).max(1.0)).max(1.0)
+}
+
+/// Quantile of the mean square of so many standard normal numbers, `z` standard
+/// deviations above the median (Wilson and Hilferty, 1931).
+fn mean_chi_square(count: f64, z: f64) -> f64 {
+    let variance = 2.0 / (9.0 * count.max(1.0));
+    (1.0 - variance + z * variance.sqrt()).max(0.0).powi(3)
 }
 
 /// Radius that holds the position with 95 %, metres.
@@ -118,6 +146,19 @@ mod tests {
         assert_eq!([trust.ok, trust.available, trust.misleading, trust.hazardous], [4, 3, 2, 1]);
         assert!((trust.mean_nees - (4.0 + 16.0 + 64.0 + 2.56) / 4.0).abs() < 1e-9);
         assert!((trust.share_within - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn errors_that_last_are_fewer_than_they_are() {
+        // Every second one turns; and the same, each for ten frames.
+        let fast: Vec<f64> = (0..400).map(|i| f64::from(i * 7919 % 101)).collect();
+        let slow: Vec<f64> = fast.iter().take(40).flat_map(|value| [*value; 10]).collect();
+        let (of_fast, of_slow) = (independent(&fast), independent(&slow));
+        assert!(of_fast > 200.0 && of_slow > 20.0 && of_slow < 80.0, "{of_fast} {of_slow}");
+        assert!((independent(&[3.0; 5]) - 5.0).abs() < 1e-9 && (independent(&[]) - 1.0).abs() < 1e-9);
+        // 95 % of the chi-squares of 60 degrees of freedom, from a table.
+        let [low, high] = [-1.96, 1.96].map(|z| 60.0 * mean_chi_square(60.0, z));
+        assert!((low - 40.48).abs() < 0.1 && (high - 83.30).abs() < 0.1, "{low} {high}");
     }
 
     #[test]

@@ -79,7 +79,7 @@ impl Default for MotionConfig {
             height_sigma_m: 0.15,
             spring_s: 0.5,
             rest_sigma_rad: 0.026,
-            rest_memory_s: 20.0,
+            rest_memory_s: 10.0,
         }
     }
 }

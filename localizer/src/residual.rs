@@ -4,7 +4,8 @@
 //! A pole gives two of them, the ends of its projected segment against the
 //! feature's line. That is eq. 9 split in two: as one absolute value per line
 //! the optimiser crawls (28 to 43 iterations), as two signed distances it
-//! takes 3 or 4. A lane line gives one per place along its curve, each against
+//! takes 3 or 4. A low pole gives its ends, too, each against the place where the
+//! feature ends. A lane line gives one per place along its curve, each against
 //! the local tangent of the feature; a sign gives two, against the vertical and
 //! the horizontal through its centre (eq. 8).
 

@@ -107,7 +107,7 @@ impl Matched {
         };
         let mut matcher = Matcher::default();
         matcher.run(&scene, &pose, &result.estimate.covariance);
-        matcher.drop_worthless();
+        matcher.drop_worthless(scene.detection);
         let (mut observations, mut groups) = (Vec::new(), Vec::new());
         matcher.observations(&mut observations, &mut groups);
         let matched = Self { camera: trial.camera, pose, observations, groups, solver: *solver };

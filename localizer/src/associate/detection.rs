@@ -4,7 +4,8 @@
 //! seen is clutter": `ln p_D + ln N(r; 0, S) - ln clutter density` for each
 //! match and `ln (1 - p_D)` for each landmark that should have been seen. A
 //! match with a gross residual is worth less than none, a missing landmark
-//! costs, a feature without a landmark gives nothing.
+//! costs, a feature without a landmark gives nothing. One bus hides many
+//! landmarks at once, so what all that is missing costs together has a limit.
 
 use common::map::{LaneKind, PoleKind, SignKind};
 use serde::{Deserialize, Serialize};
@@ -33,6 +34,9 @@ pub struct DetectionConfig {
     pub solid_lane: f64,
     /// As above for dashed lane lines.
     pub dashed_lane: f64,
+    /// Share of the frames in which something stands before the camera that
+    /// hides any number of landmarks at once: a bus, a row of parked vans.
+    pub blocked: f64,
     /// Distance at which detection of high poles and of signs has fallen to
     /// 37 %, metres. It falls as a Gaussian: what is large in the image is
     /// found, what is small soon is not.
@@ -74,6 +78,7 @@ impl Default for DetectionConfig {
             traffic_light: 0.7,
             solid_lane: 0.7,
             dashed_lane: 0.7,
+            blocked: 0.05,
             range_m: 50.0,
             low_range_m: 32.0,
             open_m: 8.0,
@@ -129,6 +134,15 @@ impl DetectionConfig {
         .clamp(0.01, 0.99)
     }
 
+    /// What it costs that landmarks were not seen, nats: `apart` if each were
+    /// missed for its own reason, or at the most that the view is blocked.
+    /// `ln ((1 - b) exp(apart) + b)`, with the share `b` of blocked frames.
+    #[inline]
+    pub fn all_unseen(&self, apart: f64) -> f64 {
+        let blocked = self.blocked.clamp(0.0, 1.0);
+        ((1.0 - blocked) * apart.exp() + blocked).ln()
+    }
+
     /// Densities of false features in the space of two residuals (per px^2).
     /// The more the image is full of, the less one match says.
     pub fn clutter(&self, features: &Prepared, image: ImageSize) -> Clutter {
@@ -167,5 +181,27 @@ impl Clutter {
     /// Of signs, per px^2.
     pub fn signs_per_px2(&self) -> f64 {
         self.sign_per_px2
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn what_is_unseen_costs_no_more_than_a_blocked_view_and_never_gains(
+            apart in -200.0..0.0, more in 0.0..50.0, blocked in 0.0001..1.0,
+        ) {
+            let detection = DetectionConfig { blocked, ..DetectionConfig::default() };
+            let cost = detection.all_unseen(apart);
+            prop_assert!(cost >= apart - 1e-9 && cost <= 1e-12);
+            prop_assert!(cost >= blocked.ln() - 1e-9);
+            prop_assert!(detection.all_unseen(apart - more) <= cost + 1e-12);
+            let never = DetectionConfig { blocked: 0.0, ..detection };
+            prop_assert!((never.all_unseen(apart) - apart).abs() < 1e-9);
+        }
     }
 }

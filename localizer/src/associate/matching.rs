@@ -76,6 +76,11 @@ pub struct Matcher {
     lanes: Vec<LaneAt>,
     vertices: Vec<LaneVertex>,
     edge_pairs: Vec<EdgePair>,
+    /// What the matches say, nats.
+    matched: f64,
+    /// What the other candidates cost if each was missed for its own reason,
+    /// nats.
+    apart: f64,
 }
 
 /// A pair within the gate.
@@ -269,10 +274,11 @@ impl Matcher {
         };
         self.matches.clear();
         let mut matched = 0.0;
-        let unseen = self.match_poles(&look, &mut matched)
+        self.apart = self.match_poles(&look, &mut matched)
             + self.match_lanes(&look, &mut matched)
             + self.match_signs(&look, &mut matched);
-        matched + unseen
+        self.matched = matched;
+        self.matched + scene.detection.all_unseen(self.apart)
     }
 
     /// Leaves in `best_of_candidate` what of the offered pairs is the best of
@@ -332,23 +338,26 @@ impl Matcher {
     }
 
     /// Takes back the matches that are worth less than the landmark unseen;
-    /// returns by how much the support rises.
-    pub fn drop_worthless(&mut self) -> f64 {
-        let mut gain = 0.0;
+    /// returns the support that is left.
+    pub fn drop_worthless(&mut self, detection: &DetectionConfig) -> f64 {
+        let (matched, apart) = (&mut self.matched, &mut self.apart);
         self.matches.retain(|found| {
             let worthless = found.support < found.unseen;
             if worthless {
-                gain += found.unseen - found.support;
+                *matched -= found.support;
+                *apart += found.unseen;
             }
             !worthless
         });
-        gain
+        self.matched + detection.all_unseen(self.apart)
     }
 
     /// What all matches together are worth, against all their landmarks
     /// unseen, nats.
-    pub fn worth(&self) -> f64 {
-        self.matches.iter().map(|found| found.support - found.unseen).sum()
+    pub fn worth(&self, detection: &DetectionConfig) -> f64 {
+        let (said, unseen) =
+            self.matches.iter().fold((0.0, 0.0), |(said, unseen), found| (said + found.support, unseen + found.unseen));
+        said + detection.all_unseen(self.apart) - detection.all_unseen(self.apart + unseen)
     }
 
     /// Appends the observations of all matches, grouped.

@@ -68,8 +68,10 @@ pub struct Refined {
     /// nats: what a pose pays for having been free to fit (Laplace's
     /// approximation of the evidence).
     pub occam: f64,
-    /// What the matches are worth against none, prior and freedom included,
-    /// nats: below 0 they are better not believed.
+    /// What the matches are worth against their landmarks unseen, nats.
+    pub worth: f64,
+    /// As above, prior and freedom included: below 0 they are better not
+    /// believed.
     pub gain: f64,
     /// Matches.
     pub matches: usize,
@@ -156,7 +158,7 @@ impl Associator {
             if round > 0 {
                 // The first gate is wide, and a wide gate says little for a
                 // pair; now a pair must be worth something.
-                self.matcher.drop_worthless();
+                self.matcher.drop_worthless(scene.detection);
             }
             let repeated = round > 0
                 && self.previous.len() == self.matcher.matches.len()
@@ -177,8 +179,9 @@ impl Associator {
         }
         let covariance = solution.covariance().unwrap_or(prior_covariance);
         // Judged by its own matches, as precisely as the pose is known now.
-        let mut support = self.matcher.run(scene, &solution.map_from_camera, &covariance);
-        support += self.matcher.drop_worthless();
+        self.matcher.run(scene, &solution.map_from_camera, &covariance);
+        let support = self.matcher.drop_worthless(scene.detection);
+        let worth = self.matcher.worth(scene.detection);
         self.matcher.observations(&mut self.observations, &mut self.groups);
         let error = local(&prior.map_from_camera, &solution.map_from_camera);
         let posterior_ln = Cholesky::new(covariance).map_or(0.0, |factor| factor.ln_determinant());
@@ -191,7 +194,8 @@ impl Associator {
             support,
             prior_cost,
             occam,
-            gain: self.matcher.worth() - prior_cost + occam,
+            worth,
+            gain: worth - prior_cost + occam,
             matches: self.matcher.matches.len(),
             rms_px,
             mean_square,
@@ -213,7 +217,7 @@ impl Associator {
         let Question { scene, gate_covariance, prior, config, solver } = *question;
         let predicted = prior.map_from_camera;
         let mut best = self.refine(question, &predicted)?;
-        let doubted = best.prior_cost > config.doubted_cost || self.matcher.worth() < config.doubted_worth;
+        let doubted = best.prior_cost > config.doubted_cost || best.worth < config.doubted_worth;
         self.believed.clone_from(&self.matcher.matches);
         let narrow = gate_covariance * config.narrow_share;
         if !doubted {

@@ -360,7 +360,7 @@ impl Hypothesis {
             self.rms_px = 0.0;
             self.iterations = refined.iterations;
             self.converged = refined.converged;
-            self.support = refined.support - associator.matcher.worth();
+            self.support = refined.support - refined.worth;
             self.evidence = self.support - surprise(&predicted);
             self.log_weight = self.past_weight + self.evidence - self.handicap;
             self.weak_frames += 1;
@@ -368,7 +368,7 @@ impl Hypothesis {
         }
         self.take(&refined, refined.prior_cost + surprise(&refined.map_from_camera));
         self.state.update(&refined.map_from_camera, &refined.covariance);
-        let held = associator.matcher.worth() >= config.health.min_worth;
+        let held = refined.worth >= config.health.min_worth;
         self.weak_frames = if held { 0 } else { self.weak_frames + 1 };
         self.separation = associator.balance.separation(
             &associator.matcher.matches,

@@ -91,6 +91,24 @@ fn the_true_pose_has_more_support_than_those_beside_it() {
     assert!(better * 10 >= frames.count() * 9);
 }
 
+/// `worth` and `drop_worthless` say what matching anew would.
+#[test]
+fn the_worth_of_all_matches_is_what_the_frame_loses_without_features() {
+    let world = World::new(Recipe { missed: 0.3, ..Recipe::default() });
+    for frame in (10..210).step_by(40) {
+        let at = world.truth[frame];
+        let mut owned = Owned::new(world.camera, &world.map, &at, &world.features(frame));
+        let mut matcher = Matcher::default();
+        let support = matcher.run(&owned.scene(), &at, &covariance(0.1, 0.003));
+        let worth = matcher.worth(&owned.detection);
+        let kept = matcher.drop_worthless(&owned.detection);
+        assert!(kept >= support - 1e-9 && matcher.worth(&owned.detection) >= worth - 1e-9);
+        owned.features = Prepared::default();
+        let unseen = Matcher::default().run(&owned.scene(), &at, &covariance(0.1, 0.003));
+        assert!((support - worth - unseen).abs() < 1e-9, "{support} - {worth} is not {unseen}");
+    }
+}
+
 #[test]
 fn a_landmark_that_should_be_seen_and_is_not_costs() {
     let camera = crate::projection::tests::camera();
@@ -108,7 +126,12 @@ fn a_landmark_that_should_be_seen_and_is_not_costs() {
     owned.candidates.poles.push(pole(4.0));
     let missing = matcher.run(&owned.scene(), &at, &covariance(0.1, 0.003));
     assert!(missing < -0.2);
+    // A bus hides a row of them as easily as one.
+    owned.candidates.poles.extend((0..30).map(|i| pole(0.1 * f64::from(i))));
+    let row = matcher.run(&owned.scene(), &at, &covariance(0.1, 0.003));
+    assert!(row < missing && row > owned.detection.blocked.ln() - 1e-9);
     // Outside the image nothing is expected.
+    owned.candidates.poles.truncate(1);
     owned.candidates.poles[0] = pole(40.0);
     assert!(matcher.run(&owned.scene(), &at, &covariance(0.1, 0.003)).abs() < 1e-12);
 }

@@ -51,12 +51,32 @@ pub struct FrameInput<'a> {
     pub odometry: Option<Odometry>,
 }
 
+/// What a frame shows, and what it may show.
+#[derive(Debug)]
+struct Sight {
+    camera: PinholeCamera,
+    image: ImageSize,
+    features: Prepared,
+    candidates: Candidates,
+}
+
+impl Sight {
+    fn scene<'a>(&'a self, config: &'a Config) -> Scene<'a> {
+        Scene {
+            camera: &self.camera,
+            image: self.image,
+            features: &self.features,
+            candidates: &self.candidates,
+            noise: &config.noise,
+            detection: &config.detection,
+        }
+    }
+}
+
 /// The localizer of one drive.
 #[derive(Debug)]
 pub struct Tracker<'a> {
     map: &'a mut LocalMap,
-    camera: PinholeCamera,
-    image: ImageSize,
     config: Config,
     /// Best first, never empty once started.
     bank: Vec<Hypothesis>,
@@ -73,8 +93,7 @@ pub struct Tracker<'a> {
     unfollowed_s: f64,
     associator: Associator,
     search: Search,
-    prepared: Prepared,
-    candidates: Candidates,
+    sight: Sight,
     /// The rivals of a frame.
     rivals: Vec<Refined>,
     /// The last estimate.
@@ -86,8 +105,6 @@ impl<'a> Tracker<'a> {
     pub fn new(map: &'a mut LocalMap, camera: &PinholeCamera, image: ImageSize, config: &Config) -> Self {
         Self {
             map,
-            camera: *camera,
-            image,
             config: config.clone(),
             bank: Vec::new(),
             spare: Vec::new(),
@@ -98,8 +115,7 @@ impl<'a> Tracker<'a> {
             unfollowed_s: f64::INFINITY,
             associator: Associator::default(),
             search: Search::default(),
-            prepared: Prepared::default(),
-            candidates: Candidates::default(),
+            sight: Sight { camera: *camera, image, features: Prepared::default(), candidates: Candidates::default() },
             rivals: Vec::new(),
             said: None,
         }
@@ -114,12 +130,12 @@ impl<'a> Tracker<'a> {
         self.map.next_frame()?;
         let dt_s = self.last_time_s.map_or(0.0, |last_s| (input.time_s - last_s).max(0.0));
         self.last_time_s = Some(input.time_s);
-        self.prepared.fill(input.features);
+        self.sight.features.fill(input.features);
         self.unfollowed_s += dt_s;
         self.predict(dt_s, input.odometry.as_ref());
         self.follow_region(dt_s, input)?;
         self.observe(dt_s, input.gps)?;
-        if self.prepared.is_empty() {
+        if self.sight.features.is_empty() {
             return Ok(self.speak(0.0));
         }
         let was_searched = self.search_if_needed()?;
@@ -147,7 +163,7 @@ impl<'a> Tracker<'a> {
     /// and a fix allows.
     fn constrain(&mut self, dt_s: f64, gps: Option<&GpsFix>) {
         for hypothesis in &mut self.bank {
-            hypothesis.constrain_to_path(dt_s, self.map, &self.candidates.roads, &self.config);
+            hypothesis.constrain_to_path(dt_s, self.map, &self.sight.candidates.roads, &self.config);
             if let Some(fix) = gps.filter(|_| self.config.gps.fuse) {
                 hypothesis.constrain_to_fix(fix, &self.config.gps);
             }
@@ -156,8 +172,13 @@ impl<'a> Tracker<'a> {
 
     /// Selects the landmarks for all hypotheses at once.
     fn select(&mut self, centre: &Pose, reach: &Reach) -> Result<()> {
-        let lookup = Lookup { map: self.map, camera: &self.camera, image: self.image, config: &self.config.preselect };
-        lookup.select(centre, reach, &mut self.candidates)
+        let lookup = Lookup {
+            map: self.map,
+            camera: &self.sight.camera,
+            image: self.sight.image,
+            config: &self.config.preselect,
+        };
+        lookup.select(centre, reach, &mut self.sight.candidates)
     }
 
     /// Reach around the best hypothesis that covers all of them.
@@ -178,19 +199,12 @@ impl<'a> Tracker<'a> {
         let Some((centre, reach)) = self.bank_reach() else { return Ok(()) };
         self.select(&centre, &reach)?;
         self.constrain(dt_s, gps);
-        if self.prepared.is_empty() {
+        if self.sight.features.is_empty() {
             // A black image says nothing, least of all for empty places.
             self.bank.iter_mut().for_each(Hypothesis::see_nothing);
             return Ok(());
         }
-        let scene = Scene {
-            camera: &self.camera,
-            image: self.image,
-            features: &self.prepared,
-            candidates: &self.candidates,
-            noise: &self.config.noise,
-            detection: &self.config.detection,
-        };
+        let scene = self.sight.scene(&self.config);
         let mut jumps = Vec::new();
         for hypothesis in &mut self.bank {
             if let Some(jump) = hypothesis.observe(&scene, &mut self.associator, gps, &self.config) {
@@ -227,7 +241,7 @@ impl<'a> Tracker<'a> {
             (verified && best.log_weight >= bank.sure_evidence)
                 || (alone && best.log_weight >= 2.0 * bank.sure_evidence)
         });
-        if sure || self.prepared.is_empty() {
+        if sure || self.sight.features.is_empty() {
             return Ok(false);
         }
         let Some(region) = self.region.clone() else { return Ok(false) };
@@ -237,15 +251,8 @@ impl<'a> Tracker<'a> {
             angle_rad: self.config.start.reach_sigmas * rough.sigmas[4],
         };
         self.select(&rough.map_from_camera, &reach)?;
-        self.search.lay_out(&rough, self.map, &self.candidates.roads, &self.config.start);
-        let scene = Scene {
-            camera: &self.camera,
-            image: self.image,
-            features: &self.prepared,
-            candidates: &self.candidates,
-            noise: &self.config.noise,
-            detection: &self.config.detection,
-        };
+        self.search.lay_out(&rough, self.map, &self.sight.candidates.roads, &self.config.start);
+        let scene = self.sight.scene(&self.config);
         let found = self.search.run(
             &scene,
             &rough,
@@ -306,14 +313,7 @@ impl<'a> Tracker<'a> {
         first.correspondences = matches;
         let reach = self.config.rivals.reach(&best.state.pose_covariance());
         self.select(&best.state.map_from_camera, &reach)?;
-        let scene = Scene {
-            camera: &self.camera,
-            image: self.image,
-            features: &self.prepared,
-            candidates: &self.candidates,
-            noise: &self.config.noise,
-            detection: &self.config.detection,
-        };
+        let scene = self.sight.scene(&self.config);
         // Asked too, in turn: where else it fits as well. A wrong lock lasts.
         let is_due = best.margin.is_none() || best.age_frames.is_multiple_of(self.config.rivals.every_frames.max(1));
         let mut found = std::mem::take(&mut self.rivals);

@@ -78,7 +78,7 @@ impl Default for DetectionConfig {
             traffic_light: 0.7,
             solid_lane: 0.7,
             dashed_lane: 0.7,
-            blocked: 0.05,
+            blocked: 0.01,
             range_m: 50.0,
             low_range_m: 32.0,
             open_m: 8.0,

@@ -12,7 +12,6 @@ use serde::{Deserialize, Serialize};
 use super::Tracker;
 use super::hypothesis::Hypothesis;
 use crate::Result;
-use crate::associate::matching::Scene;
 use crate::preselect::Reach;
 use crate::start::{Rough, StartConfig};
 
@@ -80,15 +79,8 @@ impl Tracker<'_> {
             angle_rad: start.reach_sigmas * rough.sigmas[4],
         };
         self.select(&rough.map_from_camera, &reach)?;
-        self.search.lay_out(&rough, self.map, &self.candidates.roads, &start);
-        let scene = Scene {
-            camera: &self.camera,
-            image: self.image,
-            features: &self.prepared,
-            candidates: &self.candidates,
-            noise: &self.config.noise,
-            detection: &self.config.detection,
-        };
+        self.search.lay_out(&rough, self.map, &self.sight.candidates.roads, &start);
+        let scene = self.sight.scene(&self.config);
         let found =
             self.search.run(&scene, &rough, &mut self.associator, &start, &self.config.robust, &self.config.solver);
         let least = best.evidence - self.config.rivals.spawn_margin;
@@ -104,7 +96,7 @@ impl Tracker<'_> {
         let sigma = |component: usize, least: f64| covariance[(component, component)].max(0.0).sqrt().max(least);
         let yaw = (PoseParameters::from_pose(&pose).yaw_rad, sigma(4, config.yaw_sigma_rad));
         let here = Point3::from(pose.translation.vector);
-        let mut rough = Rough::from_fix(self.map, &self.candidates.roads, &here, 0.0, Some(yaw), start);
+        let mut rough = Rough::from_fix(self.map, &self.sight.candidates.roads, &here, 0.0, Some(yaw), start);
         rough.map_from_camera.translation = pose.translation;
         rough.sigmas = Vector6::new(
             sigma(0, config.right_sigma_m),

@@ -17,7 +17,7 @@ impl Tracker<'_> {
         if let Some(region) = &mut self.region {
             *region = region.driven(dt_s, input.odometry.as_ref(), &self.config.motion, &self.config.odometry);
             let position = Point3::from(region.map_from_camera.translation.vector);
-            let place = self.map.nearest_path(&self.candidates.roads, &position);
+            let place = self.map.nearest_path(&self.sight.candidates.roads, &position);
             if let Some(place) = place {
                 keep_on_road(region, &place, &self.config.start);
             }
@@ -43,10 +43,10 @@ impl Tracker<'_> {
 
     fn rough_from(&mut self, fix: &GpsFix) -> Result<Rough> {
         let reach_m = self.config.start.path_reach_m;
-        self.map.roads_near(&fix.position_map, reach_m, &mut self.candidates.roads)?;
+        self.map.roads_near(&fix.position_map, reach_m, &mut self.sight.candidates.roads)?;
         Ok(Rough::from_fix(
             self.map,
-            &self.candidates.roads,
+            &self.sight.candidates.roads,
             &fix.position_map,
             fix.horizontal_sigma_m,
             fix.heading,

@@ -251,19 +251,8 @@ impl Stacks {
             filled |= if inside[s] > 0 { bit } else { 0 };
             hindered |= if f64::from(inside[s]) < needed { bit } else { 0 };
         }
-        let (score, low, high) = best_run(filled, hindered);
-        let height = |slice: usize| self.lowest_m + slice as f64 * self.slice_m;
-        let fuller = self.column(index).len() as f64 * 1e-6;
-        (score >= least).then(|| Stack {
-            centre: self.grid.centre(index),
-            low_m: height(low),
-            high_m: height(high + 1),
-            score: score + fuller,
-            reach_m: config.before_reach_m,
-            end_m: height(high + 1),
-            is_before: true,
-            free: filled & !hindered,
-        })
+        let found = self.stack_of(index, filled, hindered, least, config.before_reach_m)?;
+        Some(Stack { end_m: found.high_m, is_before: true, ..found })
     }
 
     fn stack_at(&self, index: usize, core: &[Span], ring: &[Vec<Span>], config: &PoleConfig) -> Option<Stack> {
@@ -287,6 +276,12 @@ impl Stacks {
                 return None;
             }
         }
+        self.stack_of(index, filled, hindered, least, config.ring_inner_m)
+    }
+
+    /// The best run of the slices that are filled and not hindered; none that
+    /// is worth less than `least` slices.
+    fn stack_of(&self, index: usize, filled: u64, hindered: u64, least: f64, reach_m: f64) -> Option<Stack> {
         let (score, low, high) = best_run(filled, hindered);
         let height = |slice: usize| self.lowest_m + slice as f64 * self.slice_m;
         // Ties between neighbours go to the fuller column.
@@ -296,7 +291,7 @@ impl Stacks {
             low_m: height(low),
             high_m: height(high + 1),
             score: score + fuller,
-            reach_m: config.ring_inner_m,
+            reach_m,
             end_m: f64::INFINITY,
             is_before: false,
             free: filled & !hindered,

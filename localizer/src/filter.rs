@@ -2,7 +2,8 @@
 //!
 //! The velocity is constant but for random accelerations; how strong these
 //! are, and how soon a swaying dies out, stands in [`MotionConfig`] for each
-//! axis of a road vehicle. What does not change along a drive (how the camera
+//! axis of a road vehicle. Speeding up and braking last (Singer, *Estimating
+//! optimal tracking filter performance for manned maneuvering targets*, 1970). What does not change along a drive (how the camera
 //! sits on the vehicle, what its odometry is off by) is estimated along.
 
 mod motion;
@@ -15,8 +16,9 @@ use crate::odometry::OdometryConfig;
 pub use motion::{AxisMotion, MotionConfig};
 
 /// Pose (0 to 5), velocity (6 to 11), what the odometry is off by (12, 13), how
-/// the camera sits on the vehicle (14 to 16), and how that lies (17, 18).
-const STATES: usize = 19;
+/// the camera sits on the vehicle (14 to 16), how that lies (17, 18), and how it
+/// speeds up (19).
+const STATES: usize = 20;
 /// All but the pose.
 const REST: usize = STATES - 6;
 /// The velocity to the right.
@@ -39,6 +41,8 @@ const HEIGHT: usize = 16;
 const REST_PITCH: usize = 17;
 /// The roll that springs return to.
 const REST_ROLL: usize = 18;
+/// The forward acceleration.
+const ACCELERATION: usize = 19;
 
 type MatrixN = SMatrix<f64, STATES, STATES>;
 type VectorN = SVector<f64, STATES>;
@@ -70,11 +74,14 @@ pub struct State {
     /// camera on the survey's path, radians: the crossfall of the road, the
     /// mounting of the camera, axes of a map that were not level.
     pub rest_rad: [f64; 2],
+    /// Mean forward acceleration, m/s^2.
+    pub acceleration_m_s2: f64,
     /// What odometry, wheels and road have said against it since the last
     /// image: half the sum of the squared Mahalanobis distances.
     pub surprise: f64,
     /// Covariance of the pose's local tangent, then of the velocity, the
-    /// wheels' scale, the gyroscope's bias, lever, mounting, height and rest.
+    /// wheels' scale, the gyroscope's bias, lever, mounting, height, rest and
+    /// acceleration.
     pub covariance: SMatrix<f64, STATES, STATES>,
 }
 
@@ -99,6 +106,7 @@ impl State {
         for i in [REST_PITCH, REST_ROLL] {
             covariance[(i, i)] = motion.rest_sigma_rad * motion.rest_sigma_rad;
         }
+        covariance[(ACCELERATION, ACCELERATION)] = motion.acceleration_sigma_m_s2 * motion.acceleration_sigma_m_s2;
         Self {
             map_from_camera,
             velocity,
@@ -108,6 +116,7 @@ impl State {
             mounting_rad: 0.0,
             higher_m: 0.0,
             rest_rad: [0.0; 2],
+            acceleration_m_s2: 0.0,
             surprise: 0.0,
             covariance,
         }
@@ -132,9 +141,25 @@ impl State {
     /// The belief `dt_s` later.
     #[must_use]
     pub fn predicted(&self, dt_s: f64, motion: &MotionConfig) -> Self {
-        let mut state = self.moved_on(dt_s, motion);
+        let mut state = self.clone();
+        state.speed_up(dt_s, motion);
+        let mut state = state.moved_on(dt_s, motion);
         state.roll_on_wheels(motion);
         state
+    }
+
+    /// From the mean speed of one stretch to that of the next, `dt_s` later:
+    /// `v' = v + a dt`, `a' = k a + n`, `k` what is kept.
+    fn speed_up(&mut self, dt_s: f64, motion: &MotionConfig) {
+        let kept = kept_after(dt_s, motion.acceleration_memory_s);
+        self.velocity[2] += dt_s * self.acceleration_m_s2;
+        self.acceleration_m_s2 *= kept;
+        let mut transition = MatrixN::identity();
+        transition[(FORWARD, ACCELERATION)] = dt_s;
+        transition[(ACCELERATION, ACCELERATION)] = kept;
+        self.covariance = transition * self.covariance * transition.transpose();
+        self.covariance[(ACCELERATION, ACCELERATION)] +=
+            motion.acceleration_sigma_m_s2 * motion.acceleration_sigma_m_s2 * (1.0 - kept * kept);
     }
 
     /// The belief `dt_s` later of a body that moves freely.
@@ -215,6 +240,7 @@ impl State {
         self.higher_m += delta[HEIGHT - 6];
         self.rest_rad[0] += delta[REST_PITCH - 6];
         self.rest_rad[1] += delta[REST_ROLL - 6];
+        self.acceleration_m_s2 += delta[ACCELERATION - 6];
     }
 
     /// Takes the standard deviation of one component as this share of what it
@@ -309,6 +335,40 @@ mod tests {
             filter.update(&seen, &(Matrix6::identity() * 1e-4));
         }
         assert!((filter.velocity - truth.velocity).norm() < 0.05, "{}", filter.velocity);
+        assert!(Cholesky::new(filter.covariance).is_some());
+    }
+
+    /// 12 m/s at first, and 1.5 m/s^2 more all along.
+    #[test]
+    fn who_speeds_up_goes_on_to_do_so_for_a_while() {
+        let motion = MotionConfig::default();
+        let mut truth = state();
+        let mut filter = state();
+        let mut step = || {
+            truth.velocity[2] += 0.15;
+            truth.map_from_camera = retract(&truth.map_from_camera, &(truth.velocity * 0.1));
+            truth.map_from_camera
+        };
+        for _ in 0..30 {
+            filter = filter.predicted(0.1, &motion);
+            filter.update(&step(), &(Matrix6::identity() * 1e-4));
+        }
+        // Some of it may be chance, that the walk explains as well.
+        assert!((0.6..1.6).contains(&filter.acceleration_m_s2), "{}", filter.acceleration_m_s2);
+        let speed_m_s = filter.velocity[2];
+        let mut steady = State { acceleration_m_s2: 0.0, ..filter.clone() };
+        let mut seen = filter.map_from_camera;
+        for _ in 0..10 {
+            seen = step();
+            filter = filter.predicted(0.1, &motion);
+            steady = steady.predicted(0.1, &motion);
+        }
+        let behind_m = |state: &State| local(&state.map_from_camera, &seen)[2];
+        assert!(behind_m(&filter) > 0.0 && behind_m(&filter) < 0.7 * behind_m(&steady), "{}", behind_m(&filter));
+        for _ in 0..100 {
+            filter = filter.predicted(0.1, &motion);
+        }
+        assert!(filter.acceleration_m_s2.abs() < 1e-3 && filter.velocity[2] < speed_m_s + 2.0, "{}", filter.velocity);
         assert!(Cholesky::new(filter.covariance).is_some());
     }
 

@@ -24,9 +24,16 @@ pub struct MotionConfig {
     /// Vertical: bumps of some centimetres at 1 to 2 Hz, mounting pitch times
     /// speed.
     pub down: AxisMotion,
-    /// Forward: accelerations of 1 to 2 m/s^2 that last a second; hard braking
-    /// is followed through the images.
+    /// Forward, beyond an acceleration that lasts: shifting gears, a foot that
+    /// leaves the pedal.
     pub forward: AxisMotion,
+    /// Standard deviation of the forward acceleration, m/s^2: in traffic 1 to 2
+    /// where it is sped up or braked, and mostly neither; hard braking is
+    /// followed through the images.
+    pub acceleration_sigma_m_s2: f64,
+    /// Time after which an acceleration has fallen to 37 %, seconds. Shorter
+    /// than most last: one that is carried on in the dark must not run away.
+    pub acceleration_memory_s: f64,
     /// Pitching: 0.2 degrees from one image to the next, as in KITTI 00 and 07.
     pub pitch: AxisMotion,
     /// Turning: a corner is entered within half a second at up to 0.6 rad/s.
@@ -67,7 +74,9 @@ impl Default for MotionConfig {
         Self {
             right: axis(0.6, 1.0),
             down: axis(0.4, 1.0),
-            forward: axis(1.0, 60.0),
+            forward: axis(0.5, 60.0),
+            acceleration_sigma_m_s2: 0.7,
+            acceleration_memory_s: 1.0,
             pitch: axis(0.1, 0.2),
             yaw: axis(0.8, 3.0),
             roll: axis(0.1, 0.2),

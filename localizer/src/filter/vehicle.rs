@@ -25,6 +25,7 @@ impl State {
         let Some(shown) = odometry else { return self.predicted(dt_s, motion) };
         let mut state = self.clone();
         let mut surprise = 0.0;
+        state.speed_up(dt_s, motion);
         // The mean of this stretch is not the mean of the one before.
         state.covariance[(YAW_RATE, YAW_RATE)] += motion.yaw.walk * motion.yaw.walk * dt_s;
         let share = config.drift_per_minute * config.drift_per_minute * dt_s / 60.0;
@@ -43,7 +44,8 @@ impl State {
         row[BIAS] = 1.0;
         let expected_rad_s = state.yaw_bias_rad_s - state.velocity[4];
         surprise += state.absorb(&row, shown.yaw_rate_rad_s - expected_rad_s, config.yaw_rate_sigma_rad_s);
-        let mut state = state.predicted(dt_s, &motion.driven(shown.speed_m_s.is_some()));
+        let mut state = state.moved_on(dt_s, &motion.driven(shown.speed_m_s.is_some()));
+        state.roll_on_wheels(motion);
         state.surprise += surprise;
         state
     }

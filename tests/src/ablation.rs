@@ -45,6 +45,8 @@ pub enum Step {
     Odometry,
     /// A vehicle goes where its axle points.
     Wheels,
+    /// Speeding up and braking last: without, the speed wanders as much at once.
+    Acceleration,
     /// Swaying dies out by itself.
     Sway,
     /// Springs take pitch and roll back to where they rest.
@@ -61,6 +63,8 @@ pub enum Step {
     Range,
     /// What stands behind houses is seen less often.
     Sight,
+    /// One bus may hide any number of landmarks.
+    Blocked,
     /// The robust loss.
     Loss,
     /// Matching is repeated with the pose that came of it.
@@ -110,6 +114,13 @@ impl Step {
             Self::Road => (config.bank.road_m, config.start.road_heading_sigma_rad) = (NEVER, NEVER),
             Self::Odometry => trial.odometry = OdometryLog::default(),
             Self::Wheels => (config.motion.slip_sigma_rad, config.motion.slip_sigma_m_s) = (NEVER, NEVER),
+            Self::Acceleration => {
+                let motion = &mut config.motion;
+                // What both come to over long times.
+                let lasting = 2.0 * motion.acceleration_sigma_m_s2.powi(2) * motion.acceleration_memory_s;
+                motion.forward.walk = (motion.forward.walk.powi(2) + lasting).sqrt();
+                motion.acceleration_sigma_m_s2 = 0.0;
+            }
             Self::Sway => {
                 let motion = &mut config.motion;
                 for axis in [&mut motion.right, &mut motion.down, &mut motion.pitch, &mut motion.yaw, &mut motion.roll]
@@ -127,6 +138,7 @@ impl Step {
             Self::Sigmas => same_sigmas(&mut trial),
             Self::Range => (config.detection.range_m, config.detection.low_range_m) = (NEVER, NEVER),
             Self::Sight => config.detection.open_m = NEVER,
+            Self::Blocked => config.detection.blocked = 0.0,
             Self::Loss => config.solver.loss = Loss::Quadratic,
             Self::Rounds => config.robust.max_rounds = 1,
             Self::Gates => config.robust.gate_inflation = 1.0,

@@ -143,7 +143,7 @@ impl State {
     pub fn predicted(&self, dt_s: f64, motion: &MotionConfig) -> Self {
         let mut state = self.clone();
         state.speed_up(dt_s, motion);
-        let mut state = state.moved_on(dt_s, motion);
+        state.move_on(dt_s, motion);
         state.roll_on_wheels(motion);
         state
     }
@@ -154,59 +154,52 @@ impl State {
         let kept = kept_after(dt_s, motion.acceleration_memory_s);
         self.velocity[2] += dt_s * self.acceleration_m_s2;
         self.acceleration_m_s2 *= kept;
-        let mut transition = MatrixN::identity();
-        transition[(FORWARD, ACCELERATION)] = dt_s;
-        transition[(ACCELERATION, ACCELERATION)] = kept;
-        self.covariance = transition * self.covariance * transition.transpose();
+        self.take_along(FORWARD, ACCELERATION, dt_s);
+        self.sharpen(ACCELERATION, kept);
         self.covariance[(ACCELERATION, ACCELERATION)] +=
             motion.acceleration_sigma_m_s2 * motion.acceleration_sigma_m_s2 * (1.0 - kept * kept);
     }
 
-    /// The belief `dt_s` later of a body that moves freely.
-    fn moved_on(&self, dt_s: f64, motion: &MotionConfig) -> Self {
+    /// To the belief `dt_s` later of a body that moves freely.
+    fn move_on(&mut self, dt_s: f64, motion: &MotionConfig) {
         let step = self.velocity * dt_s;
         let moved = Vector3::new(step[0], step[1], step[2]);
         let back = UnitQuaternion::from_scaled_axis(-Vector3::new(step[3], step[4], step[5]))
             .to_rotation_matrix()
             .into_inner();
         // (rho, phi, dv, dw) -> (E (rho - [v dt]x phi + dv dt), E phi + dw dt, ..)
-        let mut transition = MatrixN::zeros();
-        transition.fixed_view_mut::<3, 3>(0, 0).copy_from(&back);
-        transition.fixed_view_mut::<3, 3>(0, 3).copy_from(&(-back * moved.cross_matrix()));
-        transition.fixed_view_mut::<3, 3>(3, 3).copy_from(&back);
-        transition.fixed_view_mut::<3, 3>(0, 6).copy_from(&(back * dt_s));
-        for i in 12..STATES {
-            transition[(i, i)] = 1.0;
-        }
-        let mut noise = MatrixN::zeros();
+        let mut of_pose = Matrix6::zeros();
+        of_pose.fixed_view_mut::<3, 3>(0, 0).copy_from(&back);
+        of_pose.fixed_view_mut::<3, 3>(0, 3).copy_from(&(-back * moved.cross_matrix()));
+        of_pose.fixed_view_mut::<3, 3>(3, 3).copy_from(&back);
+        let mut of_velocity = Matrix6::identity() * dt_s;
+        of_velocity.fixed_view_mut::<3, 3>(0, 0).copy_from(&(back * dt_s));
+        let covariance = &mut self.covariance;
+        // F P F^T: the rows and columns of the pose, then those that fade.
+        let rows = of_pose * covariance.fixed_rows::<6>(0) + of_velocity * covariance.fixed_rows::<6>(6);
+        covariance.fixed_rows_mut::<6>(0).copy_from(&rows);
+        let columns = covariance.fixed_columns::<6>(0) * of_pose.transpose()
+            + covariance.fixed_columns::<6>(6) * of_velocity.transpose();
+        covariance.fixed_columns_mut::<6>(0).copy_from(&columns);
         let resting = kept_after(dt_s, motion.rest_memory_s);
+        self.rest_rad = self.rest_rad.map(|rad| rad * resting);
         for i in [REST_PITCH, REST_ROLL] {
-            transition[(i, i)] = resting;
-            noise[(i, i)] = motion.rest_sigma_rad * motion.rest_sigma_rad * (1.0 - resting * resting);
+            self.sharpen(i, resting);
+            self.covariance[(i, i)] += motion.rest_sigma_rad * motion.rest_sigma_rad * (1.0 - resting * resting);
         }
-        let mut velocity = self.velocity;
         for (i, axis) in motion.axes().into_iter().enumerate() {
             let kept = kept_after(dt_s, axis.memory_s);
-            if i >= 3 {
-                transition[(i, i + 6)] = dt_s;
-            }
-            transition[(i + 6, i + 6)] = kept;
-            velocity[i] *= kept;
+            self.velocity[i] *= kept;
+            self.sharpen(i + 6, kept);
             let density = axis.walk * axis.walk;
-            noise[(i, i)] = density * dt_s.powi(3) / 3.0;
-            noise[(i, i + 6)] = density * dt_s * dt_s / 2.0;
-            noise[(i + 6, i)] = noise[(i, i + 6)];
-            noise[(i + 6, i + 6)] = density * dt_s;
+            self.covariance[(i, i)] += density * dt_s.powi(3) / 3.0;
+            self.covariance[(i, i + 6)] += density * dt_s * dt_s / 2.0;
+            self.covariance[(i + 6, i)] += density * dt_s * dt_s / 2.0;
+            self.covariance[(i + 6, i + 6)] += density * dt_s;
         }
-        let covariance = transition * self.covariance * transition.transpose() + noise;
-        Self {
-            map_from_camera: retract(&self.map_from_camera, &step),
-            velocity,
-            rest_rad: self.rest_rad.map(|rad| rad * resting),
-            surprise: 0.0,
-            covariance: (covariance + covariance.transpose()) * 0.5,
-            ..self.clone()
-        }
+        self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
+        self.map_from_camera = retract(&self.map_from_camera, &step);
+        self.surprise = 0.0;
     }
 
     /// The belief after the pose became known as `map_from_camera` with
@@ -249,6 +242,17 @@ impl State {
         for i in 0..STATES {
             self.covariance[(component, i)] *= share;
             self.covariance[(i, component)] *= share;
+        }
+    }
+
+    /// The covariance of a component after it took on a `share` of another:
+    /// `F P F^T` with `F = 1 + share e e'^T`.
+    fn take_along(&mut self, component: usize, other: usize, share: f64) {
+        for i in 0..STATES {
+            self.covariance[(component, i)] += share * self.covariance[(other, i)];
+        }
+        for i in 0..STATES {
+            self.covariance[(i, component)] += share * self.covariance[(i, other)];
         }
     }
 
@@ -299,7 +303,11 @@ mod tests {
     #[test]
     fn the_transition_is_the_derivative_of_the_motion() {
         let motion = MotionConfig::default();
-        let base = state().moved_on(0.1, &motion).map_from_camera;
+        let moved_on = |mut state: State| {
+            state.move_on(0.1, &motion);
+            state
+        };
+        let base = moved_on(state()).map_from_camera;
         // Without noise and velocity covariance the predicted covariance is
         // F P F^T; probe it column by column with a thin covariance.
         for axis in 0..6 {
@@ -307,12 +315,12 @@ mod tests {
             delta[axis] = 1e-5;
             let mut moved = state();
             moved.map_from_camera = retract(&moved.map_from_camera, &delta);
-            let numeric = local(&base, &moved.moved_on(0.1, &motion).map_from_camera) / 1e-5;
+            let numeric = local(&base, &moved_on(moved).map_from_camera) / 1e-5;
             let mut thin = state();
             thin.covariance = MatrixN::zeros();
-            let noise = thin.moved_on(0.1, &motion).covariance;
+            let noise = moved_on(thin.clone()).covariance;
             thin.covariance[(axis, axis)] = 1.0;
-            let spread = thin.moved_on(0.1, &motion).covariance - noise;
+            let spread = moved_on(thin).covariance - noise;
             for i in 0..6 {
                 for j in 0..6 {
                     assert!((spread[(i, j)] - numeric[i] * numeric[j]).abs() < 1e-3, "axis {axis} ({i}, {j})");

@@ -5,7 +5,7 @@
 use common::geometry::{Tangent, retract};
 
 use super::{
-    BIAS, FORWARD, HEIGHT, LEVER, MOUNTING, MotionConfig, REST_PITCH, REST_ROLL, RIGHT, SCALE, STATES, State, VectorN,
+    BIAS, FORWARD, HEIGHT, LEVER, MOUNTING, MotionConfig, REST_PITCH, REST_ROLL, RIGHT, SCALE, State, VectorN,
     YAW_RATE, kept_after,
 };
 use crate::odometry::{Odometry, OdometryConfig};
@@ -44,7 +44,7 @@ impl State {
         row[BIAS] = 1.0;
         let expected_rad_s = state.yaw_bias_rad_s - state.velocity[4];
         surprise += state.absorb(&row, shown.yaw_rate_rad_s - expected_rad_s, config.yaw_rate_sigma_rad_s);
-        let mut state = state.moved_on(dt_s, &motion.driven(shown.speed_m_s.is_some()));
+        state.move_on(dt_s, &motion.driven(shown.speed_m_s.is_some()));
         state.roll_on_wheels(motion);
         state.surprise += surprise;
         state
@@ -85,15 +85,8 @@ impl State {
             [(3, REST_PITCH, level_rad[0] + self.rest_rad[0]), (5, REST_ROLL, level_rad[1] + self.rest_rad[1])]
         {
             back[swaying] = (1.0 - kept) * off_rad;
-            // F P F^T, of which F differs from one in this row.
-            for i in 0..STATES {
-                self.covariance[(swaying, i)] +=
-                    (1.0 - kept) * (self.covariance[(resting, i)] - self.covariance[(swaying, i)]);
-            }
-            for i in 0..STATES {
-                self.covariance[(i, swaying)] +=
-                    (1.0 - kept) * (self.covariance[(i, resting)] - self.covariance[(i, swaying)]);
-            }
+            self.sharpen(swaying, kept);
+            self.take_along(swaying, resting, 1.0 - kept);
         }
         self.map_from_camera = retract(&self.map_from_camera, &back);
     }

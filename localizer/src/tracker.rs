@@ -347,8 +347,7 @@ impl<'a> Tracker<'a> {
         }
         let best = self.bank.first()?;
         let lead = self.lead();
-        let was_lost = self.verdict.is_some_and(|verdict| verdict.status == Status::Lost);
-        let verdict = health::judge(best, lead, margin, was_lost, &self.config.health);
+        let verdict = health::judge(best, lead, margin, self.verdict, &self.config.health);
         self.verdict = Some(verdict);
         let status = verdict.status;
         if verdict.is_followed {

@@ -79,6 +79,8 @@ pub enum Step {
     Lead,
     /// Ok needs some frames of being the best.
     Led,
+    /// Ok needs two good frames in a row.
+    Well,
     /// Ok needs support of this frame.
     Support,
     /// Ok needs some frames of tracking.
@@ -149,6 +151,7 @@ impl Step {
             Self::Residuals => config.health.max_mean_square = NEVER,
             Self::Lead => config.health.ok_lead = -NEVER,
             Self::Led => config.health.led_frames = 0,
+            Self::Well => config.health.well_frames = 1,
             Self::Support => config.health.min_support = -NEVER,
             Self::Verified => config.health.verify_frames = 0,
         }

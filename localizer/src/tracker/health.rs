@@ -24,6 +24,9 @@ pub struct HealthConfig {
     /// ok: one that takes over contradicts what was said, and one of the two is
     /// wrong.
     pub led_frames: usize,
+    /// Frames in a row in which all that ok asks of a frame must hold: a wrong
+    /// pose may explain one frame well by chance.
+    pub well_frames: usize,
     /// Evidence by which it must lead over every other that is tracked, nats:
     /// 3 is 95 %. A pose that was jumped to must make up for its handicap, too.
     pub ok_lead: f64,
@@ -57,6 +60,7 @@ impl Default for HealthConfig {
             lost_sigma_m: 1.0,
             verify_frames: 5,
             led_frames: 8,
+            well_frames: 2,
             ok_lead: 3.0,
             max_mean_square: 1.0,
             max_separation_m: 0.5,
@@ -78,16 +82,20 @@ pub struct Verdict {
     /// It is followed: nothing is searched around it. Less than to be called ok:
     /// who searches too much finds what is wrong.
     pub is_followed: bool,
+    /// Frames in a row in which nothing spoke against it.
+    pub well_frames: usize,
 }
 
 /// Judges the best hypothesis: `lead` is its evidence over the next one that
-/// is tracked, `margin` its support over the best pose beside it, nats.
-pub fn judge(best: &Hypothesis, lead: f64, margin: f64, was_lost: bool, health: &HealthConfig) -> Verdict {
+/// is tracked, `margin` its support over the best pose beside it, nats;
+/// `before` was said of the frame before.
+pub fn judge(best: &Hypothesis, lead: f64, margin: f64, before: Option<Verdict>, health: &HealthConfig) -> Verdict {
+    let was_lost = before.is_some_and(|verdict| verdict.status == Status::Lost);
     let covariance = best.state.pose_covariance();
     let sigma_m = (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt();
     let verified = best.age_frames >= health.verify_frames;
     if sigma_m > health.lost_sigma_m || best.weak_frames >= health.lost_after_frames || (was_lost && !verified) {
-        return Verdict { status: Status::Lost, is_followed: false };
+        return Verdict { status: Status::Lost, is_followed: false, well_frames: 0 };
     }
     let is_followed = verified
         && sigma_m <= health.ok_sigma_m
@@ -96,7 +104,9 @@ pub fn judge(best: &Hypothesis, lead: f64, margin: f64, was_lost: bool, health: 
         && best.separation.one_m <= health.max_separation_m
         && lead >= health.ok_lead + best.handicap
         && margin >= 0.0;
-    let is_ok =
-        is_followed && best.led_frames >= health.led_frames && best.separation.two_m <= health.max_separation_of_two_m;
-    Verdict { status: if is_ok { Status::Ok } else { Status::Degraded }, is_followed }
+    let is_well = is_followed && best.separation.two_m <= health.max_separation_of_two_m;
+    let well_frames = if is_well { before.map_or(0, |verdict| verdict.well_frames) + 1 } else { 0 };
+    let is_ok = is_well && well_frames >= health.well_frames && best.led_frames >= health.led_frames;
+    let status = if is_ok { Status::Ok } else { Status::Degraded };
+    Verdict { status, is_followed, well_frames }
 }

@@ -100,8 +100,9 @@ fn a_street_is_held_from_every_gps_start() {
 
 #[test]
 fn a_street_without_lane_lines_is_held() {
-    // Some posts alone are believed later than posts between lines.
-    assert_holds_from("no lanes", Recipe { lanes_m: &[], ..street() }, 0.25, 20);
+    // Some posts alone are believed later than posts between lines: single frames
+    // are good from the twelfth on, two in a row later.
+    assert_holds_from("no lanes", Recipe { lanes_m: &[], ..street() }, 0.25, 21);
 }
 
 #[test]
@@ -330,4 +331,21 @@ fn what_has_not_led_for_some_frames_is_not_called_ok() {
     let (soon, late) = (first_ok(0).unwrap(), first_ok(20).unwrap());
     // The first frame is the first that it leads.
     assert!(soon < 19 && late >= 19, "{soon} {late}");
+}
+
+#[test]
+fn ok_takes_as_many_good_frames_in_a_row() {
+    let world = World::new(Recipe { missed: 0.6, pole_spacing_m: 15.0, ..street() });
+    let is_ok = |well_frames: usize| {
+        let health = HealthConfig { well_frames, ..HealthConfig::default() };
+        let config = Config { health, ..Config::default() };
+        let run = run_with(&config, &world, &GpsConfig::default(), 3, &NONE);
+        run.statuses.iter().map(|status| *status == Status::Ok).collect::<Vec<_>>()
+    };
+    let (alone, of_three) = (is_ok(1), is_ok(3));
+    let gaps = alone.windows(2).filter(|pair| pair[0] && !pair[1]).count();
+    assert!(gaps > 2, "{gaps}");
+    for frame in 2..alone.len() {
+        assert_eq!(of_three[frame], alone[frame - 2..=frame].iter().all(|ok| *ok), "frame {frame}");
+    }
 }

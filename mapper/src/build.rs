@@ -114,19 +114,7 @@ pub fn build(
         return Err(Error::NoGround { drive: drive.name(), seen_percent: 100.0 * under_path });
     }
     passes.join(&mut map, &config.fuse);
-    keep_leans(&mut map, config.quantum_m);
     Ok(Built { map, registration, evidence })
-}
-
-/// Puts the feet of poles where the file will have them, and their tops by as
-/// much aside: rounded on their own, foot and top of a pole 1 m high would turn
-/// it by a third of a degree, at a quantum of 1 cm.
-fn keep_leans(map: &mut SemanticMap, quantum_m: f64) {
-    for pole in &mut map.poles {
-        let stored = pole.foot_map.map(|metres| (metres / quantum_m).round() * quantum_m);
-        pole.top_map += stored - pole.foot_map;
-        pole.foot_map = stored;
-    }
 }
 
 /// Stitches the cloud of a window and tells which stations it owns: all that
@@ -255,31 +243,4 @@ fn by_road(
             (points.len() >= 2).then_some(LaneLine { kind: piece.kind, points_map: points, road, marks_m })
         })
         .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use common::map::{EncodeOptions, PoleKind, Road};
-    use nalgebra::Vector3;
-
-    use super::*;
-
-    #[test]
-    fn a_short_pole_is_stored_with_the_lean_that_it_was_found_with() {
-        let quantum_m = 0.01;
-        let axis = Vector3::new(0.0123, -0.9, -0.0071);
-        let pole = |i: u32| {
-            let foot_map = Point3::new(4.0 + 0.0013 * f64::from(i), 1.6, 10.0 + 1.0017 * f64::from(i));
-            Pole { kind: PoleKind::Delineator, foot_map, top_map: foot_map + axis, road: RoadId(0) }
-        };
-        let road = Road { path_map: vec![Point3::origin(), Point3::new(0.0, 0.0, 60.0)] };
-        let mut map = SemanticMap { roads: vec![road], poles: (0..40).map(pole).collect(), ..SemanticMap::default() };
-        keep_leans(&mut map, quantum_m);
-        let stored = SemanticMap::decode(&map.encode(&EncodeOptions { quantum_m }).unwrap()).unwrap();
-        assert_eq!(stored.poles.len(), 40);
-        for (stored, found) in stored.poles.iter().zip((0..).map(pole)) {
-            let (off, lean_off) = (stored.foot_map - found.foot_map, stored.top_map - stored.foot_map - axis);
-            assert!(off.amax() < 0.51 * quantum_m && lean_off.amax() < 0.51 * quantum_m, "{found:?} {stored:?}");
-        }
-    }
 }

@@ -17,11 +17,16 @@ pub struct Bounds {
 impl SemanticMap {
     /// The box around all landmarks and roads; none for an empty map.
     pub fn bounds(&self) -> Option<Bounds> {
+        self.bounds_with(self.poles.iter().map(|pole| &pole.top_map))
+    }
+
+    /// The same with other tops of its poles.
+    pub(super) fn bounds_with<'a>(&'a self, tops_map: impl Iterator<Item = &'a Point3<f64>>) -> Option<Bounds> {
         let roads = self.roads.iter().flat_map(|road| &road.path_map);
-        let poles = self.poles.iter().flat_map(|pole| [&pole.foot_map, &pole.top_map]);
+        let feet = self.poles.iter().map(|pole| &pole.foot_map);
         let signs = self.signs.iter().map(|sign| &sign.centroid_map);
         let lanes = self.lanes.iter().flat_map(|lane| &lane.points_map);
-        let mut points = roads.chain(poles).chain(signs).chain(lanes);
+        let mut points = roads.chain(feet).chain(tops_map).chain(signs).chain(lanes);
         let first = *points.next()?;
         Some(points.fold(Bounds { min_map: first, max_map: first }, |bounds, point| Bounds {
             min_map: bounds.min_map.inf(point),

@@ -1,7 +1,8 @@
 //! From bytes to a checked map: the only place where a file is trusted.
 
-use super::envelope::{CHECKSUM_BYTES, PREFIX_BYTES, WITH_MARKS, open};
+use super::envelope::{CHECKSUM_BYTES, PREFIX_BYTES, open};
 use super::grid::{Grid, GridPoint};
+use super::pole::{GridPole, Leans};
 use super::varint::Signed;
 use super::wire::{Body, ByRoad, List, Marks, Polyline, Step};
 use super::{
@@ -12,7 +13,8 @@ use crate::{Error, Result};
 
 impl SemanticMap {
     /// The map in the bytes of a map file. What it accepts is exactly what
-    /// [`SemanticMap::encode`] writes: the same map has the same bytes.
+    /// [`SemanticMap::encode`] writes, or wrote in older versions: the same map
+    /// has the same bytes.
     ///
     /// # Errors
     /// [`Error::NotAMap`], [`Error::MapVersion`], [`Error::MapLength`],
@@ -42,8 +44,8 @@ pub fn decode_with_layout(bytes: &[u8]) -> Result<(SemanticMap, MapLayout)> {
 }
 
 fn decode(bytes: &[u8]) -> Result<(SemanticMap, MapLayout)> {
-    let (version, body) = open(bytes)?;
-    let (body, mut sections) = Body::from_bytes(body, version == WITH_MARKS)?;
+    let (form, body) = open(bytes)?;
+    let (body, mut sections) = Body::from_bytes(body, form.has_marks)?;
     if let Some(header) = sections.first_mut() {
         header.bytes += PREFIX_BYTES;
     }
@@ -51,18 +53,18 @@ fn decode(bytes: &[u8]) -> Result<(SemanticMap, MapLayout)> {
     let quantum_um = body.head.quantum_um.0;
     let grid =
         Grid::from_um(quantum_um).ok_or_else(|| malformed(format!("its quantum is {quantum_um} micrometres")))?;
-    let map = checked(body, grid)?;
+    let map = checked(body, grid, form.leans)?;
     // One comparison refuses every other spelling of the same map: another
     // order, other bounds, empty groups, the longer form of a polyline.
     let options = EncodeOptions { quantum_m: grid.quantum_m() };
-    if map.encode(&options).is_ok_and(|canonical| canonical == bytes) {
-        Ok((map, MapLayout { version, quantum_m: grid.quantum_m(), bounds: None, sections }))
+    if map.encode_with(form.leans, &options).is_ok_and(|canonical| canonical == bytes) {
+        Ok((map, MapLayout { version: form.version(), quantum_m: grid.quantum_m(), bounds: None, sections }))
     } else {
         Err(malformed("it is not in canonical form (order of landmarks, bounds, or form of polylines)".into()))
     }
 }
 
-fn checked(body: Body, grid: Grid) -> Result<SemanticMap> {
+fn checked(body: Body, grid: Grid, leans: Leans) -> Result<SemanticMap> {
     let frame_note =
         String::from_utf8(body.head.frame_note.0).map_err(|_| malformed("its frame note is not UTF-8".into()))?;
     if let Some(fault) = super::note_fault(&frame_note) {
@@ -79,9 +81,9 @@ fn checked(body: Body, grid: Grid) -> Result<SemanticMap> {
     for (kind, groups) in PoleKind::ALL.into_iter().zip(&body.poles) {
         each(kind.name(), groups, &paths, |road, before, pole| {
             let foot = add(before, pole.foot)?;
-            let rise = -i64::try_from(pole.height.0).ok()?;
-            let top = in_range([foot[0] + pole.lean_x.0, foot[1] + rise, foot[2] + pole.lean_z.0])?;
-            map.poles.push(Pole { kind, foot_map: grid.point_m(foot), top_map: grid.point_m(top), road });
+            let height = i64::try_from(pole.height.0).ok()?;
+            let top_map = GridPole { foot, height, lean: pole.lean.map(|lean| lean.0) }.top_m(grid, leans)?;
+            map.poles.push(Pole { kind, foot_map: grid.point_m(foot), top_map, road });
             Some(foot)
         })?;
     }

@@ -1,7 +1,10 @@
 //! From a checked map to bytes.
 
-use super::envelope::{PLAIN, WITH_MARKS, seal};
+use nalgebra::Point3;
+
+use super::envelope::{Form, seal};
 use super::grid::{Grid, GridPoint, RoadFrame};
+use super::pole::{GridPole, Leans};
 use super::varint::{Signed, Unsigned};
 use super::wire::{self, Body, ByRoad, Head, List, Marks, Polyline, Step};
 use super::{EncodeOptions, LaneKind, MAX_NOTE_BYTES, PoleKind, RoadId, SemanticMap, SignKind};
@@ -9,23 +12,25 @@ use crate::{Error, Result};
 
 impl SemanticMap {
     /// The bytes of a map file. They depend on the set of landmarks and not on
-    /// their order; every coordinate and size is rounded to the quantum.
+    /// their order; every coordinate and size is rounded to the quantum, every
+    /// lean to a thousandth of the pole's height.
     ///
     /// # Errors
     /// [`Error::MapUnencodable`], naming the item, where a coordinate is not
     /// finite or does not fit, a [`RoadId`] has no road, a pole's top is below
-    /// its foot, a road has no vertex or a lane line fewer than two, marks are
+    /// its foot or far aside of it, a road has no vertex or a lane line fewer than two, marks are
     /// not in order or not of a dashed line, the note is too long or the quantum
     /// is no quantum.
     pub fn encode(&self, options: &EncodeOptions) -> Result<Vec<u8>> {
-        let body = body(self, Grid::from_m(options.quantum_m)?)?;
-        seal(if body.marks.is_some() { WITH_MARKS } else { PLAIN }, &body.to_bytes()?)
+        self.encode_with(Leans::Thousandths, options)
+    }
+
+    /// The same with the leans of poles as other versions have them.
+    pub(super) fn encode_with(&self, leans: Leans, options: &EncodeOptions) -> Result<Vec<u8>> {
+        let body = body(self, Grid::from_m(options.quantum_m)?, leans)?;
+        seal(Form { has_marks: body.marks.is_some(), leans }, &body.to_bytes()?)
     }
 }
-
-/// The lower control point, how far the top is above it, and its lean along x
-/// and z.
-type GridPole = (GridPoint, u64, [i64; 2]);
 
 /// The centroid and the size.
 type GridSign = (GridPoint, u64);
@@ -36,12 +41,13 @@ type GridLane = (Vec<GridPoint>, Vec<[i64; 2]>);
 /// Landmarks on the grid, as they come.
 type Unsorted<K, T> = Vec<(K, RoadId, T)>;
 
-fn body(map: &SemanticMap, grid: Grid) -> Result<Body> {
+fn body(map: &SemanticMap, grid: Grid, leans: Leans) -> Result<Body> {
     let roads = roads(map, grid)?;
     let frames: Vec<RoadFrame> = roads.iter().filter_map(|path| RoadFrame::of(path)).collect();
-    let (poles, signs, lanes) = (poles(map, grid)?, signs(map, grid)?, lanes(map, grid)?);
-    let head = head(map, grid)?;
-    let poles = by_kind_and_road(PoleKind::ALL, &poles, &frames, |pole: &GridPole| pole.0)?;
+    let (poles, signs, lanes) = (poles(map, grid, leans)?, signs(map, grid)?, lanes(map, grid)?);
+    let tops: Vec<_> = poles.iter().filter_map(|(_, _, pole)| pole.top_m(grid, leans)).collect();
+    let head = head(map, &tops, grid)?;
+    let poles = by_kind_and_road(PoleKind::ALL, &poles, &frames, |pole: &GridPole| pole.foot)?;
     let signs = by_kind_and_road(SignKind::ALL, &signs, &frames, |sign: &GridSign| sign.0)?;
     let lanes = by_kind_and_road(LaneKind::ALL, &lanes, &frames, |lane: &GridLane| lane.0[0])?;
     let marks =
@@ -59,12 +65,11 @@ fn body(map: &SemanticMap, grid: Grid) -> Result<Body> {
         head,
         roads: List(roads),
         poles: poles.map(|groups| {
-            steps(groups, &frames, |before, &(foot, height, [lean_x, lean_z])| {
+            steps(groups, &frames, |before, &GridPole { foot, height, lean }| {
                 let pole = wire::Pole {
                     foot: step(before, foot),
-                    height: Unsigned(height),
-                    lean_x: Signed(lean_x),
-                    lean_z: Signed(lean_z),
+                    height: Unsigned(height.cast_unsigned()),
+                    lean: lean.map(Signed),
                 };
                 (pole, foot)
             })
@@ -79,11 +84,12 @@ fn body(map: &SemanticMap, grid: Grid) -> Result<Body> {
     })
 }
 
-fn head(map: &SemanticMap, grid: Grid) -> Result<Head> {
+/// What the body begins with; the bounds are those of the tops as they are stored.
+fn head(map: &SemanticMap, tops_map: &[Point3<f64>], grid: Grid) -> Result<Head> {
     if let Some(fault) = super::note_fault(&map.frame_note) {
         return Err(unencodable(format!("{fault}; shorten or correct it (at most {MAX_NOTE_BYTES} bytes)")));
     }
-    let (min, max) = match map.bounds() {
+    let (min, max) = match map.bounds_with(tops_map.iter()) {
         Some(bounds) => {
             let corner = || "the corner of the map".to_owned();
             (grid.point(&bounds.min_map, corner)?, grid.point(&bounds.max_map, corner)?)
@@ -108,14 +114,9 @@ fn roads(map: &SemanticMap, grid: Grid) -> Result<Vec<Vec<GridPoint>>> {
     map.roads.iter().enumerate().map(road).collect()
 }
 
-fn poles(map: &SemanticMap, grid: Grid) -> Result<Unsorted<PoleKind, GridPole>> {
+fn poles(map: &SemanticMap, grid: Grid, leans: Leans) -> Result<Unsorted<PoleKind, GridPole>> {
     let pole = |(index, pole): (usize, &super::Pole)| {
-        let name = || format!("pole {index}");
-        let (foot, top) = (grid.point(&pole.foot_map, name)?, grid.point(&pole.top_map, name)?);
-        // y points down.
-        let height = u64::try_from(foot[1] - top[1])
-            .map_err(|_| unencodable(format!("the foot of pole {index} is above its top; exchange them")))?;
-        Ok((pole.kind, pole.road, (foot, height, [top[0] - foot[0], top[2] - foot[2]])))
+        Ok((pole.kind, pole.road, GridPole::of(pole, grid, leans, || format!("pole {index}"))?))
     };
     map.poles.iter().enumerate().map(pole).collect()
 }

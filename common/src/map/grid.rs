@@ -71,6 +71,11 @@ impl Grid {
         (quanta * self.quantum_um.cast_signed()) as f64 / 1e6
     }
 
+    /// As [`Self::metres`], of thousandths of a quantum.
+    pub fn thousandths_m(self, thousandths: i64) -> f64 {
+        (thousandths * self.quantum_um.cast_signed()) as f64 / 1e9
+    }
+
     /// A point in metres.
     pub fn point_m(self, point: GridPoint) -> Point3<f64> {
         Point3::from(point.map(|quanta| self.metres(quanta)))

@@ -16,6 +16,7 @@ mod grid;
 mod layout;
 mod marks;
 mod model;
+mod pole;
 #[cfg(test)]
 mod tests;
 mod varint;

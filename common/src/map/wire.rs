@@ -57,10 +57,8 @@ pub(super) struct Pole {
     pub foot: Step,
     /// How far the top is above the foot (towards -y).
     pub height: Unsigned,
-    /// How far the top is from the foot along x.
-    pub lean_x: Signed,
-    /// How far the top is from the foot along z.
-    pub lean_z: Signed,
+    /// How far the top is aside of the foot along x and z.
+    pub lean: [Signed; 2],
 }
 
 /// A sign.

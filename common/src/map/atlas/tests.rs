@@ -16,14 +16,14 @@ const QUANTUM_M: f64 = 0.01;
 fn example(ahead_m: f64) -> SemanticMap {
     let (road, kind) = (RoadId(0), PoleKind::LampPost);
     let point = |x: f64, y: f64, z: f64| Point3::new(x, y, z + ahead_m);
-    let pole = |foot_map: Point3<f64>, height_m: f64| {
-        let top_map = foot_map + nalgebra::Vector3::new(0.03, -height_m, -0.02);
-        Pole { kind, foot_map, top_map, road }
-    };
+    let pole = |foot_map: Point3<f64>, top_map: Point3<f64>| Pole { kind, foot_map, top_map, road };
     SemanticMap {
         frame_note: "example".into(),
         roads: vec![Road { path_map: vec![point(0.0, 0.0, 0.0), point(0.0, 0.0, 50.0)] }],
-        poles: vec![pole(point(5.0, 1.5, 12.0), 6.0), pole(point(-4.5, 1.6, 30.0), 6.2)],
+        poles: vec![
+            pole(point(5.0, 1.5, 12.0), point(5.03, -4.5, 11.982)),
+            pole(point(-4.5, 1.6, 30.0), point(-4.469, -4.6, 29.9814)),
+        ],
         signs: vec![Sign { kind: SignKind::TrafficSign, centroid_map: point(4.2, -0.6, 20.0), size_m: 0.85, road }],
         lanes: vec![LaneLine {
             kind: LaneKind::Dashed,

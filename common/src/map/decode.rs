@@ -57,7 +57,7 @@ fn decode(bytes: &[u8]) -> Result<(SemanticMap, MapLayout)> {
     // One comparison refuses every other spelling of the same map: another
     // order, other bounds, empty groups, the longer form of a polyline.
     let options = EncodeOptions { quantum_m: grid.quantum_m() };
-    if map.encode_with(form.leans, &options).is_ok_and(|canonical| canonical == bytes) {
+    if map.encode_with(form.leans, options).is_ok_and(|canonical| canonical == bytes) {
         Ok((map, MapLayout { version: form.version(), quantum_m: grid.quantum_m(), bounds: None, sections }))
     } else {
         Err(malformed("it is not in canonical form (order of landmarks, bounds, or form of polylines)".into()))

@@ -22,11 +22,11 @@ impl SemanticMap {
     /// not in order or not of a dashed line, the note is too long or the quantum
     /// is no quantum.
     pub fn encode(&self, options: &EncodeOptions) -> Result<Vec<u8>> {
-        self.encode_with(Leans::Thousandths, options)
+        self.encode_with(Leans::Thousandths, *options)
     }
 
     /// The same with the leans of poles as other versions have them.
-    pub(super) fn encode_with(&self, leans: Leans, options: &EncodeOptions) -> Result<Vec<u8>> {
+    pub(super) fn encode_with(&self, leans: Leans, options: EncodeOptions) -> Result<Vec<u8>> {
         let body = body(self, Grid::from_m(options.quantum_m)?, leans)?;
         seal(Form { has_marks: body.marks.is_some(), leans }, &body.to_bytes()?)
     }

@@ -26,7 +26,7 @@ impl Form {
             3 | 4 => Leans::Thousandths,
             _ => return None,
         };
-        Some(Self { has_marks: version % 2 == 0, leans })
+        Some(Self { has_marks: version.is_multiple_of(2), leans })
     }
 
     /// The version that says so.

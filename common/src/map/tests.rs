@@ -64,7 +64,9 @@ fn documented_example_of_version_1() -> Vec<u8> {
     bytes[length - envelope::CHECKSUM_BYTES..].copy_from_slice(&[0x36, 0x5e, 0x5a, 0x4c]);
     let leans = (1..length).filter(|&at| bytes[at - 1..=at] == [0x0a, 0x05]).collect::<Vec<_>>();
     assert_eq!(leans.len(), 2);
-    leans.into_iter().for_each(|at| bytes[at - 1..=at].copy_from_slice(&[0x06, 0x03]));
+    for at in leans {
+        bytes[at - 1..=at].copy_from_slice(&[0x06, 0x03]);
+    }
     bytes
 }
 
@@ -232,7 +234,7 @@ fn what_cannot_be_stored_is_named() {
 #[test]
 fn maps_of_versions_one_and_two_are_read() {
     for (map, version) in [(example(), 1), (example_with_marks(), 2)] {
-        let bytes = map.encode_with(Leans::Quanta, &EncodeOptions::default()).unwrap();
+        let bytes = map.encode_with(Leans::Quanta, EncodeOptions::default()).unwrap();
         assert_eq!(bytes[3], version);
         if version == 1 {
             assert_eq!(bytes, documented_example_of_version_1());

@@ -73,6 +73,15 @@ pub struct OutlineConfig {
     /// What an edge of a plate costs, in rows that do not fit: fewer odd rows
     /// than twice this make no plate and no gap.
     pub edge_cost: f64,
+    /// Share of a plate's rows that are odd for reasons of their own, as those are
+    /// from far behind: two plates without a gap must explain more than these.
+    pub odd_share: f64,
+    /// What a row costs of which only one end is where a plate's is, as the other
+    /// is hidden: three such are as odd as one that fits nowhere.
+    pub hidden_cost: f64,
+    /// Least height of plates that stand on each other, metres, between their
+    /// outermost rows: those at the edge of one, half on it, are no other.
+    pub least_stacked_m: f64,
     /// Least cosine between the view and a plate's normal: edge-on it is as
     /// narrow as its post.
     pub least_cosine: f64,
@@ -107,6 +116,9 @@ impl Default for OutlineConfig {
             slack_m: 0.03,
             narrowest_m: 0.13,
             edge_cost: 1.4,
+            odd_share: 0.05,
+            hidden_cost: 0.3,
+            least_stacked_m: 0.12,
             least_cosine: 0.5,
             open_m: 0.15,
             widest_like_high_m: 1.0,

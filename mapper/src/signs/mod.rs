@@ -12,6 +12,7 @@ mod config;
 mod lights;
 mod outline;
 mod rows;
+mod stacked;
 
 use common::map::{PoleKind, SignKind};
 use nalgebra::{Point3, Vector2};

@@ -4,6 +4,7 @@ use nalgebra::{Matrix2, Point3, SymmetricEigen, Vector2};
 
 use super::config::OutlineConfig;
 use super::rows::{Axis, REACH_M, Row};
+use super::stacked::{Ends, gaps};
 use crate::cloud::Cloud;
 use crate::lidar::LidarConfig;
 
@@ -107,10 +108,48 @@ pub fn plates(rows: &[Row], axis: &Axis, cloud: &Cloud, config: &OutlineConfig, 
                 .into_iter()
                 // Its neighbours reach into the margin.
                 .filter(|s| (low..=high).contains(&f64::midpoint(facing[s.0].height, facing[s.1].height)))
+                .flat_map(|s| each_plate(&facing, s, &normal, axis, config, lidar))
                 .filter_map(|s| plate(&facing, s, axis, cloud, config, lidar))
                 .collect()
         })
         .collect()
+}
+
+/// The plates among the rows of a run, first and last index of each.
+fn each_plate(
+    rows: &[&Row],
+    (from, to): (usize, usize),
+    normal: &Vector2<f64>,
+    axis: &Axis,
+    config: &OutlineConfig,
+    lidar: &LidarConfig,
+) -> Vec<(usize, usize)> {
+    let telling: Vec<usize> =
+        (from..=to).filter(|&i| matches!(says(rows[i], axis, config), Says::Plate | Says::Post)).collect();
+    let ends = |&i: &usize| {
+        let row = rows[i];
+        let (cosine, between_m) = (row.view.dot(normal), lidar.azimuth_step_rad * row.range_m);
+        // From behind, left is right.
+        let to_plate = cosine.signum() / cosine.abs().max(0.3);
+        Ends {
+            height: row.height,
+            middle_m: f64::midpoint(row.span_m.0, row.span_m.1) * to_plate,
+            width_m: width_m(row, normal, config, lidar),
+            // An end lies anywhere between two beams.
+            sigma_m: config.noise_m.hypot(between_m / 12.0_f64.sqrt()),
+            width_sigma_m: config.pose_m.hypot(between_m / 6.0_f64.sqrt()),
+            is_bare: says(row, axis, config) == Says::Post,
+        }
+    };
+    let ends: Vec<Ends> = telling.iter().map(ends).collect();
+    let mut plates = Vec::new();
+    let mut first = from;
+    for gap in gaps(&ends, config) {
+        plates.push((first, telling[gap.start - 1]));
+        first = telling[gap.end];
+    }
+    plates.push((first, to));
+    plates
 }
 
 /// Rows this far beyond a plate tell where it ends, metres.
@@ -188,9 +227,7 @@ fn plate(
     let (lowest, highest) = (on.first()?, on.last()?);
     let across = Vector2::new(-normal.y, normal.x);
     let origin = axis.at(highest.height).coords;
-    let width = |r: &Row| {
-        r.width_m() / r.view.dot(&normal).abs().max(0.3) + (lidar.azimuth_step_rad - config.beam_rad) * r.range_m
-    };
+    let width = |r: &Row| width_m(r, &normal, config, lidar);
     // The widest rows, as a disc is narrower above and below.
     let mut widths: Vec<f64> = long.iter().map(|r| width(r)).collect();
     widths.sort_by(f64::total_cmp);
@@ -258,6 +295,11 @@ fn plate(
         reflectance: reflectances[reflectances.len() / 2],
         bright_share,
     })
+}
+
+/// How wide a plate with this normal is at a row, metres.
+fn width_m(row: &Row, normal: &Vector2<f64>, config: &OutlineConfig, lidar: &LidarConfig) -> f64 {
+    row.width_m() / row.view.dot(normal).abs().max(0.3) + (lidar.azimuth_step_rad - config.beam_rad) * row.range_m
 }
 
 /// The diagonal of a board, the diameter of what is narrower above or below.

@@ -119,7 +119,7 @@ proptest! {
         let bytes = envelope::seal(form(version), &body).unwrap();
         if let Ok(map) = SemanticMap::decode(&bytes) {
             let quantum_m = layout(&bytes).unwrap().quantum_m;
-            prop_assert_eq!(map.encode_with(form(version).leans, &EncodeOptions { quantum_m }).unwrap(), bytes);
+            prop_assert_eq!(map.encode_with(form(version).leans, EncodeOptions { quantum_m }).unwrap(), bytes);
         }
     }
 

@@ -1,0 +1,285 @@
+//! Plates one above the other on a post with hardly a row of hits between them.
+//!
+//! A gap of a hand's width is narrower than that between two beams at 10 m. But
+//! plates are convex, and hang in the middle of their post: how far their edges
+//! are from it changes with the height as a concave function, and of a narrow
+//! board below a wide one it does not. So rows are told apart where two shapes
+//! explain their ends much better than one does. What something hides of a plate
+//! is no narrower plate: it ends on one side where the rest of it does.
+
+use std::ops::Range;
+
+use nalgebra::{Matrix2, Vector2};
+
+use super::config::OutlineConfig;
+
+/// Where a row ends on both sides.
+#[derive(Debug, Clone, Copy)]
+pub struct Ends {
+    /// Height along -y of the map, metres.
+    pub height: f64,
+    /// Its middle across the plate, metres.
+    pub middle_m: f64,
+    /// Its length across the plate, metres.
+    pub width_m: f64,
+    /// Standard deviation of each end, metres.
+    pub sigma_m: f64,
+    /// Standard deviation of its length, metres.
+    pub width_sigma_m: f64,
+    /// It shows the bare post.
+    pub is_bare: bool,
+}
+
+/// Where the rows of one run (ascending heights) are those of several plates: the
+/// rows between them, none where they touch. A row that does not fit costs up to
+/// 1, and a plate its two edges.
+pub fn gaps(rows: &[Ends], config: &OutlineConfig) -> Vec<Range<usize>> {
+    let mut found = Vec::new();
+    divide(rows, 0, config, &mut found);
+    found
+}
+
+fn divide(rows: &[Ends], first: usize, config: &OutlineConfig, found: &mut Vec<Range<usize>>) {
+    let gap = |at: usize| {
+        let start = rows[..at].iter().rposition(|row| !row.is_bare).map_or(0, |last| last + 1);
+        let end = rows[at..].iter().position(|row| !row.is_bare).map_or(rows.len(), |more| at + more);
+        start..end
+    };
+    let is_plate = |rows: &[Ends]| {
+        rows.iter().filter(|row| !row.is_bare).count() >= FEWEST_ROWS
+            && rows[rows.len() - 1].height - rows[0].height >= config.least_stacked_m
+    };
+    let parts = (1..rows.len())
+        .filter(|&at| rows[at].height > rows[at - 1].height + SAME_HEIGHT_M)
+        .map(gap)
+        .filter(|gap| is_plate(&rows[..gap.start]) && is_plate(&rows[gap.end..]))
+        .map(|gap| (cost(&rows[..gap.start], config) + cost(&rows[gap.end..], config), gap))
+        .min_by(|a, b| a.0.total_cmp(&b.0));
+    let Some((as_two, gap)) = parts else { return };
+    let plate_cost = 2.0 * config.edge_cost + config.odd_share * rows.len() as f64;
+    if as_two + plate_cost < cost(rows, config) {
+        divide(&rows[..gap.start], first, config, found);
+        found.push(first + gap.start..first + gap.end);
+        divide(&rows[gap.end..], first + gap.end, config, found);
+    }
+}
+
+/// Fewest rows that tell a plate from a stray.
+const FEWEST_ROWS: usize = 4;
+
+/// Rows this near in height are of one beam, metres.
+const SAME_HEIGHT_M: f64 = 0.002;
+
+/// An edge of a row: where it is above the middle of the run and beside that of
+/// the plate, metres, and its standard deviation and that of the length of its row.
+#[derive(Clone, Copy)]
+struct Edge {
+    up_m: f64,
+    aside_m: f64,
+    sigma_m: f64,
+    width_sigma_m: f64,
+}
+
+/// How badly rows fit the best convex shape, in rows.
+fn cost(rows: &[Ends], config: &OutlineConfig) -> f64 {
+    let long = |rows: &[Ends], share: f64, value: fn(&Ends) -> f64| {
+        let mut values: Vec<f64> = rows.iter().map(value).collect();
+        let at = ((values.len() as f64 * share) as usize).min(values.len() - 1);
+        *values.select_nth_unstable_by(at, f64::total_cmp).1
+    };
+    // The longest rows are not hidden.
+    let width_m = long(rows, WHOLE, |row| row.width_m);
+    let whole: Vec<Ends> = rows.iter().copied().filter(|row| row.width_m >= LEAST_WHOLE * width_m).collect();
+    let middle_m = long(&whole, 0.5, |row| row.middle_m);
+    let origin = rows[rows.len() / 2].height;
+    let edges: Vec<Edge> = rows
+        .iter()
+        .flat_map(|row| {
+            let off_m = row.middle_m - middle_m;
+            [off_m, -off_m].map(|off_m| Edge {
+                up_m: row.height - origin,
+                aside_m: row.width_m / 2.0 + off_m,
+                sigma_m: row.sigma_m,
+                width_sigma_m: row.width_sigma_m,
+            })
+        })
+        .collect();
+    let (low, high) = (rows[0].height - origin, rows[rows.len() - 1].height - origin);
+    let hidden = config.hidden_cost;
+    let straight = straight_cost(&edges, hidden, width_m / 2.0, |up_m| up_m - low);
+    let diamonds = [0.25, 0.5, 0.75].map(|share| {
+        let tip_m = low + (high - low) * share;
+        straight_cost(&edges, hidden, width_m / 2.0, |up_m| (up_m - tip_m).abs())
+    });
+    diamonds.into_iter().fold(straight.min(disc_cost(&edges, hidden)), f64::min)
+}
+
+/// The share of rows that are shorter than the plate is wide at most.
+const WHOLE: f64 = 0.8;
+
+/// Least length of rows whose middles count, over that.
+const LEAST_WHOLE: f64 = 0.75;
+
+/// Standard deviations within which an edge fits.
+const FITS: f64 = 3.0;
+
+/// The cost of rows whose ends, in pairs, lie so far outside of a plate, metres;
+/// of one of which one end only fits it is `hidden`.
+fn rows_cost(edges: &[Edge], hidden: f64, off_m: impl Fn(&Edge) -> f64) -> f64 {
+    let misfit = |off_m: f64, sigma_m: f64| (off_m / (FITS * sigma_m)).powi(2).min(1.0);
+    let of_row = |ends: &[Edge]| {
+        let offs_m = [off_m(&ends[0]), off_m(&ends[1])];
+        // Rows lie beside each other by more than their lengths differ.
+        let as_whole = misfit(offs_m[0] + offs_m[1], ends[0].width_sigma_m)
+            .max(misfit((offs_m[0] - offs_m[1]) / 2.0, ends[0].sigma_m));
+        if offs_m[0] + offs_m[1] > 0.0 {
+            // Nothing hides what is not there.
+            return as_whole;
+        }
+        let nearer_m = offs_m[0].abs().min(offs_m[1].abs());
+        as_whole.min(hidden + (1.0 - hidden) * misfit(nearer_m, ends[0].sigma_m))
+    };
+    edges.chunks_exact(2).map(of_row).sum()
+}
+
+/// The cost of edges whose distance from the middle changes evenly with `x` of
+/// the height (robust least squares): boards, triangles, and diamonds where that
+/// is the distance from their widest place.
+fn straight_cost(edges: &[Edge], hidden: f64, usual_m: f64, x: impl Fn(f64) -> f64) -> f64 {
+    let off_m = |edge: &Edge, line: &Vector2<f64>| edge.aside_m - line.x - line.y * x(edge.up_m);
+    // From a board as wide as its longest rows, and from all rows alike.
+    let starts = [Some(Vector2::new(usual_m, 0.0)), None];
+    let costs = starts.map(|start| {
+        let mut line = start;
+        for _ in 0..ROUNDS {
+            let (mut h, mut g) = (Matrix2::identity() * 1e-9, Vector2::zeros());
+            for edge in edges {
+                let weight = line.as_ref().map_or(1.0, |line| robust(off_m(edge, line) / edge.sigma_m));
+                let a = Vector2::new(1.0, x(edge.up_m));
+                h += a * a.transpose() * weight;
+                g += a * (edge.aside_m * weight);
+            }
+            line = h.try_inverse().map(|inverse| inverse * g);
+        }
+        line.map_or(f64::INFINITY, |line| rows_cost(edges, hidden, |edge| off_m(edge, &line)))
+    });
+    costs[0].min(costs[1])
+}
+
+/// Rounds of reweighting: the first few settle which edges fit.
+const ROUNDS: usize = 4;
+
+/// Weight of an edge so many standard deviations off (Geman and McClure).
+fn robust(off: f64) -> f64 {
+    (1.0 + (off / FITS).powi(2)).powi(-2)
+}
+
+/// The cost of a disc: `aside^2 + up^2 = 2 c up + r^2 - c^2` is linear in its
+/// middle `c` and in what is left.
+fn disc_cost(edges: &[Edge], hidden: f64) -> f64 {
+    // At its ends the edge changes much with the height, of which a row is
+    // unsure: it may be that of a disc a little higher or lower.
+    let off_m = |edge: &Edge, &(middle_m, radius2_m2): &(f64, f64)| {
+        let aside_m = |up_m: f64| (radius2_m2 - up_m.powi(2)).max(0.0).sqrt();
+        let up_m = (edge.up_m - middle_m).abs();
+        let (least_m, most_m) = (aside_m(up_m + HEIGHT_SIGMA_M), aside_m((up_m - HEIGHT_SIGMA_M).max(0.0)));
+        edge.aside_m - edge.aside_m.clamp(least_m, most_m)
+    };
+    let mut disc = None;
+    for _ in 0..ROUNDS {
+        let (mut h, mut g) = (Matrix2::identity() * 1e-9, Vector2::zeros());
+        for edge in edges {
+            let weight = disc.as_ref().map_or(1.0, |disc| robust(off_m(edge, disc) / edge.sigma_m));
+            let a = Vector2::new(2.0 * edge.up_m, 1.0);
+            h += a * a.transpose() * weight;
+            g += a * ((edge.aside_m.powi(2) + edge.up_m.powi(2)) * weight);
+        }
+        let Some(inverse) = h.try_inverse() else { return f64::INFINITY };
+        let found = inverse * g;
+        disc = Some((found.x, found.y + found.x.powi(2)));
+    }
+    disc.map_or(f64::INFINITY, |disc| rows_cost(edges, hidden, |edge| off_m(edge, &disc)))
+}
+
+/// Standard deviation of the height of a row, metres: the beam, and the poses.
+const HEIGHT_SIGMA_M: f64 = 0.015;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rows as eight scans from 12 to 33 m leave them between two heights, with
+    /// the ends that they have at each and the errors of real ones.
+    fn rows(heights_m: (f64, f64), half_m: impl Fn(f64) -> f64) -> Vec<Ends> {
+        let mut rows: Vec<Ends> = (0..8_u32)
+            .flat_map(|scan| {
+                let range_m = 12.0 + 3.0 * f64::from(scan);
+                let (step_m, between_m) = (0.0073 * range_m, 0.003 * range_m);
+                let shift = f64::from(scan) * 0.37 % 1.0;
+                let beams = (0..).map(move |i| heights_m.0 + (f64::from(i) + shift) * step_m);
+                beams.take_while(|height| *height < heights_m.1).map(move |height| (scan, height, between_m))
+            })
+            .map(|(scan, height, between_m)| {
+                // Any value in -1..1.
+                let noise = |salt: f64| (12.9898 * height * 100.0 + f64::from(scan) + salt).sin();
+                Ends {
+                    height,
+                    middle_m: 0.02 * noise(1.0),
+                    width_m: 2.0 * half_m(height) + 0.5 * between_m * noise(2.0),
+                    sigma_m: 0.03_f64.hypot(between_m / 12.0_f64.sqrt()),
+                    width_sigma_m: 0.015_f64.hypot(between_m / 6.0_f64.sqrt()),
+                    is_bare: false,
+                }
+            })
+            .collect();
+        rows.sort_by(|a, b| a.height.total_cmp(&b.height));
+        rows
+    }
+
+    #[test]
+    fn a_board_below_a_wider_plate_is_another() {
+        let disc = |height: f64| (0.09 - (height - 0.66_f64).powi(2)).max(0.0).sqrt().max(0.04);
+        let square = |height: f64| if height > 0.38 { 0.3 } else { 0.04 };
+        for upper in [&disc as &dyn Fn(f64) -> f64, &square] {
+            let mut stack = rows((0.0, 0.95), |height| if height < 0.32 { 0.21 } else { upper(height) });
+            stack.iter_mut().for_each(|row| row.is_bare = row.width_m < 0.12);
+            let gaps = gaps(&stack, &OutlineConfig::default());
+            assert_eq!(gaps.len(), 1, "{gaps:?}");
+            let (below, above) = (stack[gaps[0].start - 1].height, stack[gaps[0].end].height);
+            // The gap is from 0.32 to 0.36 or 0.38 m, and rows are centimetres apart.
+            assert!((0.26..0.36).contains(&below) && (0.32..0.44).contains(&above), "{below} {above}");
+        }
+    }
+
+    #[test]
+    fn whatever_is_convex_is_one() {
+        let shapes: [&dyn Fn(f64) -> f64; 4] = [
+            &|_| 0.3,
+            &|height| (0.09 - (height - 0.3_f64).powi(2)).max(0.0).sqrt(),
+            &|height| 0.45 - 0.75 * height,
+            &|height| 0.3 - (height - 0.3_f64).abs(),
+        ];
+        for (i, shape) in shapes.into_iter().enumerate() {
+            let rows = rows((0.01, 0.59), |height| shape(height));
+            assert!(rows.len() > 30 && gaps(&rows, &OutlineConfig::default()).is_empty(), "shape {i}");
+        }
+    }
+
+    #[test]
+    fn what_leaves_hide_is_no_narrower_plate() {
+        let mut rows = rows((0.0, 0.6), |_| 0.3);
+        let hidden = rows.iter_mut().filter(|row| row.height > 0.35).step_by(2);
+        for (i, row) in hidden.enumerate() {
+            let hidden_m = 0.1 + 0.05 * (i % 5) as f64;
+            row.width_m -= hidden_m;
+            row.middle_m += if i % 3 == 0 { 0.5 } else { -0.5 } * hidden_m;
+        }
+        assert!(gaps(&rows, &OutlineConfig::default()).is_empty());
+    }
+
+    #[test]
+    fn few_rows_and_none_are_one() {
+        let config = OutlineConfig::default();
+        assert!(gaps(&[], &config).is_empty() && gaps(&rows((0.0, 0.1), |_| 0.2), &config).is_empty());
+    }
+}

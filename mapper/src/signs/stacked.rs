@@ -49,8 +49,9 @@ fn divide(rows: &[Ends], first: usize, config: &OutlineConfig, found: &mut Vec<R
         rows.iter().filter(|row| !row.is_bare).count() >= FEWEST_ROWS
             && rows[rows.len() - 1].height - rows[0].height >= config.least_stacked_m
     };
+    let level = |row: &Ends| (row.height / LEVEL_M).floor();
     let parts = (1..rows.len())
-        .filter(|&at| rows[at].height > rows[at - 1].height + SAME_HEIGHT_M)
+        .filter(|&at| level(&rows[at]) > level(&rows[at - 1]))
         .map(gap)
         .filter(|gap| is_plate(&rows[..gap.start]) && is_plate(&rows[gap.end..]))
         .map(|gap| (cost(&rows[..gap.start], config) + cost(&rows[gap.end..], config), gap))
@@ -67,17 +68,17 @@ fn divide(rows: &[Ends], first: usize, config: &OutlineConfig, found: &mut Vec<R
 /// Fewest rows that tell a plate from a stray.
 const FEWEST_ROWS: usize = 4;
 
-/// Rows this near in height are of one beam, metres.
-const SAME_HEIGHT_M: f64 = 0.002;
+/// Boundaries are looked for at each such step in height, metres: however many
+/// rows there are.
+const LEVEL_M: f64 = 0.01;
 
-/// An edge of a row: where it is above the middle of the run and beside that of
-/// the plate, metres, and its standard deviation and that of the length of its row.
+/// One end of a row: where it is above the middle of the run and beside that of
+/// the plate, metres.
 #[derive(Clone, Copy)]
-struct Edge {
+struct Edge<'a> {
+    row: &'a Ends,
     up_m: f64,
     aside_m: f64,
-    sigma_m: f64,
-    width_sigma_m: f64,
 }
 
 /// How badly rows fit the best convex shape, in rows.
@@ -92,16 +93,11 @@ fn cost(rows: &[Ends], config: &OutlineConfig) -> f64 {
     let whole: Vec<Ends> = rows.iter().copied().filter(|row| row.width_m >= LEAST_WHOLE * width_m).collect();
     let middle_m = long(&whole, 0.5, |row| row.middle_m);
     let origin = rows[rows.len() / 2].height;
-    let edges: Vec<Edge> = rows
+    let edges: Vec<Edge<'_>> = rows
         .iter()
         .flat_map(|row| {
             let off_m = row.middle_m - middle_m;
-            [off_m, -off_m].map(|off_m| Edge {
-                up_m: row.height - origin,
-                aside_m: row.width_m / 2.0 + off_m,
-                sigma_m: row.sigma_m,
-                width_sigma_m: row.width_sigma_m,
-            })
+            [off_m, -off_m].map(|off_m| Edge { row, up_m: row.height - origin, aside_m: row.width_m / 2.0 + off_m })
         })
         .collect();
     let (low, high) = (rows[0].height - origin, rows[rows.len() - 1].height - origin);
@@ -125,19 +121,19 @@ const FITS: f64 = 3.0;
 
 /// The cost of rows whose ends, in pairs, lie so far outside of a plate, metres;
 /// of one of which one end only fits it is `hidden`.
-fn rows_cost(edges: &[Edge], hidden: f64, off_m: impl Fn(&Edge) -> f64) -> f64 {
+fn rows_cost(edges: &[Edge<'_>], hidden: f64, off_m: impl Fn(&Edge<'_>) -> f64) -> f64 {
     let misfit = |off_m: f64, sigma_m: f64| (off_m / (FITS * sigma_m)).powi(2).min(1.0);
-    let of_row = |ends: &[Edge]| {
-        let offs_m = [off_m(&ends[0]), off_m(&ends[1])];
+    let of_row = |ends: &[Edge<'_>]| {
+        let (row, offs_m) = (ends[0].row, [off_m(&ends[0]), off_m(&ends[1])]);
         // Rows lie beside each other by more than their lengths differ.
-        let as_whole = misfit(offs_m[0] + offs_m[1], ends[0].width_sigma_m)
-            .max(misfit((offs_m[0] - offs_m[1]) / 2.0, ends[0].sigma_m));
+        let as_whole =
+            misfit(offs_m[0] + offs_m[1], row.width_sigma_m).max(misfit((offs_m[0] - offs_m[1]) / 2.0, row.sigma_m));
         if offs_m[0] + offs_m[1] > 0.0 {
             // Nothing hides what is not there.
             return as_whole;
         }
         let nearer_m = offs_m[0].abs().min(offs_m[1].abs());
-        as_whole.min(hidden + (1.0 - hidden) * misfit(nearer_m, ends[0].sigma_m))
+        as_whole.min(hidden + (1.0 - hidden) * misfit(nearer_m, row.sigma_m))
     };
     edges.chunks_exact(2).map(of_row).sum()
 }
@@ -145,8 +141,8 @@ fn rows_cost(edges: &[Edge], hidden: f64, off_m: impl Fn(&Edge) -> f64) -> f64 {
 /// The cost of edges whose distance from the middle changes evenly with `x` of
 /// the height (robust least squares): boards, triangles, and diamonds where that
 /// is the distance from their widest place.
-fn straight_cost(edges: &[Edge], hidden: f64, usual_m: f64, x: impl Fn(f64) -> f64) -> f64 {
-    let off_m = |edge: &Edge, line: &Vector2<f64>| edge.aside_m - line.x - line.y * x(edge.up_m);
+fn straight_cost(edges: &[Edge<'_>], hidden: f64, usual_m: f64, x: impl Fn(f64) -> f64) -> f64 {
+    let off_m = |edge: &Edge<'_>, line: &Vector2<f64>| edge.aside_m - line.x - line.y * x(edge.up_m);
     // From a board as wide as its longest rows, and from all rows alike.
     let starts = [Some(Vector2::new(usual_m, 0.0)), None];
     let costs = starts.map(|start| {
@@ -154,7 +150,7 @@ fn straight_cost(edges: &[Edge], hidden: f64, usual_m: f64, x: impl Fn(f64) -> f
         for _ in 0..ROUNDS {
             let (mut h, mut g) = (Matrix2::identity() * 1e-9, Vector2::zeros());
             for edge in edges {
-                let weight = line.as_ref().map_or(1.0, |line| robust(off_m(edge, line) / edge.sigma_m));
+                let weight = line.as_ref().map_or(1.0, |line| robust(off_m(edge, line) / edge.row.sigma_m));
                 let a = Vector2::new(1.0, x(edge.up_m));
                 h += a * a.transpose() * weight;
                 g += a * (edge.aside_m * weight);
@@ -169,17 +165,17 @@ fn straight_cost(edges: &[Edge], hidden: f64, usual_m: f64, x: impl Fn(f64) -> f
 /// Rounds of reweighting: the first few settle which edges fit.
 const ROUNDS: usize = 4;
 
-/// Weight of an edge so many standard deviations off (Geman and McClure).
+/// Weight of an edge so many standard deviations off (Geman and `McClure`).
 fn robust(off: f64) -> f64 {
     (1.0 + (off / FITS).powi(2)).powi(-2)
 }
 
 /// The cost of a disc: `aside^2 + up^2 = 2 c up + r^2 - c^2` is linear in its
 /// middle `c` and in what is left.
-fn disc_cost(edges: &[Edge], hidden: f64) -> f64 {
+fn disc_cost(edges: &[Edge<'_>], hidden: f64) -> f64 {
     // At its ends the edge changes much with the height, of which a row is
     // unsure: it may be that of a disc a little higher or lower.
-    let off_m = |edge: &Edge, &(middle_m, radius2_m2): &(f64, f64)| {
+    let off_m = |edge: &Edge<'_>, &(middle_m, radius2_m2): &(f64, f64)| {
         let aside_m = |up_m: f64| (radius2_m2 - up_m.powi(2)).max(0.0).sqrt();
         let up_m = (edge.up_m - middle_m).abs();
         let (least_m, most_m) = (aside_m(up_m + HEIGHT_SIGMA_M), aside_m((up_m - HEIGHT_SIGMA_M).max(0.0)));
@@ -189,7 +185,7 @@ fn disc_cost(edges: &[Edge], hidden: f64) -> f64 {
     for _ in 0..ROUNDS {
         let (mut h, mut g) = (Matrix2::identity() * 1e-9, Vector2::zeros());
         for edge in edges {
-            let weight = disc.as_ref().map_or(1.0, |disc| robust(off_m(edge, disc) / edge.sigma_m));
+            let weight = disc.as_ref().map_or(1.0, |disc| robust(off_m(edge, disc) / edge.row.sigma_m));
             let a = Vector2::new(2.0 * edge.up_m, 1.0);
             h += a * a.transpose() * weight;
             g += a * ((edge.aside_m.powi(2) + edge.up_m.powi(2)) * weight);
@@ -242,7 +238,9 @@ mod tests {
         let square = |height: f64| if height > 0.38 { 0.3 } else { 0.04 };
         for upper in [&disc as &dyn Fn(f64) -> f64, &square] {
             let mut stack = rows((0.0, 0.95), |height| if height < 0.32 { 0.21 } else { upper(height) });
-            stack.iter_mut().for_each(|row| row.is_bare = row.width_m < 0.12);
+            for row in &mut stack {
+                row.is_bare = row.width_m < 0.12;
+            }
             let gaps = gaps(&stack, &OutlineConfig::default());
             assert_eq!(gaps.len(), 1, "{gaps:?}");
             let (below, above) = (stack[gaps[0].start - 1].height, stack[gaps[0].end].height);
@@ -260,7 +258,7 @@ mod tests {
             &|height| 0.3 - (height - 0.3_f64).abs(),
         ];
         for (i, shape) in shapes.into_iter().enumerate() {
-            let rows = rows((0.01, 0.59), |height| shape(height));
+            let rows = rows((0.01, 0.59), shape);
             assert!(rows.len() > 30 && gaps(&rows, &OutlineConfig::default()).is_empty(), "shape {i}");
         }
     }

@@ -3,8 +3,9 @@
 //! The velocity is constant but for random accelerations; how strong these
 //! are, and how soon a swaying dies out, stands in [`MotionConfig`] for each
 //! axis of a road vehicle. Speeding up and braking last (Singer, *Estimating
-//! optimal tracking filter performance for manned maneuvering targets*, 1970). What does not change along a drive (how the camera
-//! sits on the vehicle, what its odometry is off by) is estimated along.
+//! optimal tracking filter performance for manned maneuvering targets*, 1970).
+//! What does not change along a drive (how the camera sits on the vehicle, what
+//! its odometry is off by) is estimated along.
 
 mod motion;
 mod vehicle;

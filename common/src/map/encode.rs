@@ -18,9 +18,9 @@ impl SemanticMap {
     /// # Errors
     /// [`Error::MapUnencodable`], naming the item, where a coordinate is not
     /// finite or does not fit, a [`RoadId`] has no road, a pole's top is below
-    /// its foot or far aside of it, a road has no vertex or a lane line fewer than two, marks are
-    /// not in order or not of a dashed line, the note is too long or the quantum
-    /// is no quantum.
+    /// its foot or far aside of it, a road has no vertex or a lane line fewer
+    /// than two, marks are not in order or not of a dashed line, the note is too
+    /// long or the quantum is no quantum.
     pub fn encode(&self, options: &EncodeOptions) -> Result<Vec<u8>> {
         self.encode_with(Leans::Thousandths, *options)
     }

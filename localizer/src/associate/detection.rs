@@ -140,6 +140,9 @@ impl DetectionConfig {
     #[inline]
     pub fn all_unseen(&self, apart: f64) -> f64 {
         let blocked = self.blocked.clamp(0.0, 1.0);
+        if blocked == 0.0 {
+            return apart;
+        }
         ((1.0 - blocked) * apart.exp() + blocked).ln()
     }
 
@@ -202,6 +205,7 @@ mod tests {
             prop_assert!(detection.all_unseen(apart - more) <= cost + 1e-12);
             let never = DetectionConfig { blocked: 0.0, ..detection };
             prop_assert!((never.all_unseen(apart) - apart).abs() < 1e-9);
+            prop_assert!(never.all_unseen(-1e6) == -1e6 && detection.all_unseen(-1e6).is_finite());
         }
     }
 }

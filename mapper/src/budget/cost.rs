@@ -117,6 +117,7 @@ pub fn without_landmarks(map: &SemanticMap) -> SemanticMap {
 pub fn in_order_of(decoded: &SemanticMap, kept: &SemanticMap, evidence: &MapEvidence, quantum_m: f64) -> MapEvidence {
     let grid =
         |p: &Point3<f64>| [p.x, p.y, p.z].map(|metres| (metres * 1e6 / (quantum_m * 1e6).round()).round() as i64);
+    // Tops need not lie on the grid.
     let pole = |p: &Pole| (p.kind, p.road, [grid(&p.foot_map).as_slice(), &grid(&p.top_map)[1..2]].concat());
     let sign = |s: &Sign| (s.kind, s.road, grid(&s.centroid_map));
     let lane = |l: &LaneLine| (l.kind, l.road, l.points_map.iter().map(grid).collect::<Vec<_>>());

@@ -45,8 +45,7 @@ fn body(map: &SemanticMap, grid: Grid, leans: Leans) -> Result<Body> {
     let roads = roads(map, grid)?;
     let frames: Vec<RoadFrame> = roads.iter().filter_map(|path| RoadFrame::of(path)).collect();
     let (poles, signs, lanes) = (poles(map, grid, leans)?, signs(map, grid)?, lanes(map, grid)?);
-    let tops: Vec<_> = poles.iter().filter_map(|(_, _, pole)| pole.top_m(grid, leans)).collect();
-    let head = head(map, &tops, grid)?;
+    let head = head(map, corners_around(map, &poles, grid, leans)?, grid)?;
     let poles = by_kind_and_road(PoleKind::ALL, &poles, &frames, |pole: &GridPole| pole.foot)?;
     let signs = by_kind_and_road(SignKind::ALL, &signs, &frames, |sign: &GridSign| sign.0)?;
     let lanes = by_kind_and_road(LaneKind::ALL, &lanes, &frames, |lane: &GridLane| lane.0[0])?;
@@ -84,18 +83,30 @@ fn body(map: &SemanticMap, grid: Grid, leans: Leans) -> Result<Body> {
     })
 }
 
-/// What the body begins with; the bounds are those of the tops as they are stored.
-fn head(map: &SemanticMap, tops_map: &[Point3<f64>], grid: Grid) -> Result<Head> {
+/// Smallest and largest coordinates on the grid of anything in a map as it is
+/// stored; none for an empty one.
+pub(super) fn corners(map: &SemanticMap, grid: Grid) -> Result<Option<[GridPoint; 2]>> {
+    corners_around(map, &poles(map, grid, Leans::Thousandths)?, grid, Leans::Thousandths)
+}
+
+/// The same with its poles as they are stored.
+fn corners_around(
+    map: &SemanticMap,
+    poles: &Unsorted<PoleKind, GridPole>,
+    grid: Grid,
+    leans: Leans,
+) -> Result<Option<[GridPoint; 2]>> {
+    let tops_map: Vec<Point3<f64>> = poles.iter().filter_map(|(_, _, pole)| pole.top_m(grid, leans)).collect();
+    let corner = |point: &Point3<f64>| grid.point(point, || "the corner of the map".to_owned());
+    let around = map.bounds_with(tops_map.iter());
+    around.map(|bounds| Ok([corner(&bounds.min_map)?, corner(&bounds.max_map)?])).transpose()
+}
+
+fn head(map: &SemanticMap, corners: Option<[GridPoint; 2]>, grid: Grid) -> Result<Head> {
     if let Some(fault) = super::note_fault(&map.frame_note) {
         return Err(unencodable(format!("{fault}; shorten or correct it (at most {MAX_NOTE_BYTES} bytes)")));
     }
-    let (min, max) = match map.bounds_with(tops_map.iter()) {
-        Some(bounds) => {
-            let corner = || "the corner of the map".to_owned();
-            (grid.point(&bounds.min_map, corner)?, grid.point(&bounds.max_map, corner)?)
-        }
-        None => ([0; 3], [0; 3]),
-    };
+    let [min, max] = corners.unwrap_or_default();
     Ok(Head {
         quantum_um: Unsigned(grid.quantum_um()),
         frame_note: List(map.frame_note.as_bytes().to_vec()),

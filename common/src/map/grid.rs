@@ -3,6 +3,7 @@
 
 use nalgebra::Point3;
 
+use super::Bounds;
 use crate::{Error, Result};
 
 /// A point in quanta: x, y, z.
@@ -63,6 +64,12 @@ impl Grid {
     pub fn point(self, point: &Point3<f64>, what: impl Fn() -> String) -> Result<GridPoint> {
         let axis = |index: usize, name| self.quanta(point[index], || format!("{name} of {}", what()));
         Ok([axis(0, "x")?, axis(1, "y")?, axis(2, "z")?])
+    }
+
+    /// The box of the nearest grid points; none where one does not fit.
+    pub fn around(self, bounds: &Bounds) -> Option<Bounds> {
+        let corner = |point: &Point3<f64>| self.point(point, String::new).ok().map(|point| self.point_m(point));
+        Some(Bounds { min_map: corner(&bounds.min_map)?, max_map: corner(&bounds.max_map)? })
     }
 
     /// A length in metres. One rounding only, so that 1.23 m on a grid of 1 cm

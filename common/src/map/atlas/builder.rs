@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use super::super::encode::corners;
 use super::super::grid::Grid;
 use super::super::{EncodeOptions, LaneLine, Pole, RoadId, SemanticMap, Sign};
 use super::entry::Entry;
@@ -219,19 +220,12 @@ impl<'a, 'b> TileWriter<'a, 'b> {
         (self.open_bytes, self.open_box) = (0, EMPTY);
         let bytes = tile.encode(EncodeOptions { quantum_m: self.grid.quantum_m() })?;
         let counts = tile.counts().ok_or_else(too_much)?;
-        let (min, max) = match tile.map.bounds() {
-            Some(b) => (self.corner(&b.min_map)?, self.corner(&b.max_map)?),
-            None => ([0; 3], [0; 3]),
-        };
+        let [min, max] = corners(&tile.map, self.grid)?.unwrap_or_default().map(|corner| corner.map(|at| at as i32));
         self.out.write_all(&bytes).map_err(Error::io(self.path))?;
         let entry = placed(Entry { min, max, counts, ..Entry::default() }, &bytes, self.at)?;
         self.at += bytes.len() as u64;
         self.written.push(entry);
         Ok(())
-    }
-
-    fn corner(&self, point: &nalgebra::Point3<f64>) -> Result<[i32; 3]> {
-        Ok(self.grid.point(point, || "the corner of a tile".to_owned())?.map(|quanta| quanta as i32))
     }
 }
 

@@ -269,7 +269,9 @@ fn country(count: usize, side_m: f64) -> Vec<SemanticMap> {
         let mut map = example(scatter(i, 1.0));
         let off = nalgebra::Vector3::new(scatter(i, 2.0), 0.0, 0.0);
         map.roads.iter_mut().flat_map(|road| &mut road.path_map).for_each(|p| *p += off);
-        map.poles.iter_mut().for_each(|p| (p.foot_map, p.top_map) = (p.foot_map + off, p.top_map + off));
+        // The box ends at a pole's top, which lies beside the grid.
+        let lean = nalgebra::Vector3::x() * (0.1 * (i as f64).sin().abs());
+        map.poles.iter_mut().for_each(|p| (p.foot_map, p.top_map) = (p.foot_map + off, p.top_map + off + lean));
         map.signs.iter_mut().for_each(|sign| sign.centroid_map += off);
         map.lanes.iter_mut().flat_map(|lane| &mut lane.points_map).for_each(|p| *p += off);
         map

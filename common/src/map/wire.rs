@@ -57,7 +57,8 @@ pub(super) struct Pole {
     pub foot: Step,
     /// How far the top is above the foot (towards -y).
     pub height: Unsigned,
-    /// How far the top is aside of the foot along x and z.
+    /// How far the top is aside of the foot along x and z, in thousandths of the
+    /// height, or in quanta in older versions.
     pub lean: [Signed; 2],
 }
 

@@ -265,7 +265,7 @@ impl<'a> Tracker<'a> {
         // What is hidden from the best was hidden from the others, too.
         let past_weight = self.bank.first().map_or(0.0, |best| best.past_weight.min(0.0));
         for refined in found {
-            self.add(Hypothesis::found(&refined, &region, past_weight, handicap, &self.config));
+            self.add(Hypothesis::found(&refined, &region, past_weight, handicap));
         }
         self.sort();
         Ok(true)

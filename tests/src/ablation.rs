@@ -69,8 +69,6 @@ pub enum Step {
     Loss,
     /// Matching is repeated with the pose that came of it.
     Rounds,
-    /// Wrong pairs of a round are allowed for by wider gates in the next.
-    Gates,
     /// Ok needs that no object decides, and no two.
     Separation,
     /// Ok needs that residuals are as small as expected.
@@ -143,7 +141,6 @@ impl Step {
             Self::Blocked => config.detection.blocked = 0.0,
             Self::Loss => config.solver.loss = Loss::Quadratic,
             Self::Rounds => config.robust.max_rounds = 1,
-            Self::Gates => config.robust.gate_inflation = 1.0,
             Self::Separation => {
                 let health = &mut config.health;
                 (health.max_separation_m, health.max_separation_of_two_m) = (NEVER, NEVER);

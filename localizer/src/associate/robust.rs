@@ -18,9 +18,6 @@ use crate::solver::{Prior, Problem, Solution, SolverConfig, solve};
 pub struct RobustConfig {
     /// Most rounds of matching and solving; it ends when the matches repeat.
     pub max_rounds: usize,
-    /// The posterior covariance of a round times this is the gate of the next:
-    /// wrong pairs of an early round bias more than the covariance knows.
-    pub gate_inflation: f64,
     /// Half the squared Mahalanobis distance from the prediction above which
     /// other matches are tried: a wrong one in the first round may have led
     /// the rest astray. 2 asks twice in half of the frames.
@@ -41,15 +38,7 @@ pub struct RobustConfig {
 
 impl Default for RobustConfig {
     fn default() -> Self {
-        Self {
-            max_rounds: 5,
-            gate_inflation: 4.0,
-            doubted_cost: 2.0,
-            doubted_worth: 6.0,
-            narrow_share: 0.1,
-            left_out: 3,
-            least_move: 1.0,
-        }
+        Self { max_rounds: 5, doubted_cost: 2.0, doubted_worth: 6.0, narrow_share: 0.1, left_out: 3, least_move: 1.0 }
     }
 }
 
@@ -143,7 +132,8 @@ impl Associator {
         let Question { scene, gate_covariance, prior, config, solver } = *question;
         let prior_factor = Cholesky::new(prior.information)?;
         let prior_covariance = prior_factor.inverse();
-        let mut gate = *gate_covariance;
+        // The gate of each round, and what the last leaves.
+        let mut covariance = *gate_covariance;
         let mut solution = Solution {
             map_from_camera: *start,
             information: prior.information,
@@ -154,7 +144,7 @@ impl Associator {
         let mut iterations = 0;
         self.previous.clear();
         for round in 0..config.max_rounds {
-            self.matcher.find(scene, &solution.map_from_camera, &gate);
+            self.matcher.find(scene, &solution.map_from_camera, &covariance);
             if round > 0 {
                 // The first gate is wide, and a wide gate says little for a
                 // pair; now a pair must be worth something.
@@ -170,14 +160,13 @@ impl Associator {
                 return None;
             }
             iterations += solution.iterations;
-            gate = solution.covariance().unwrap_or(prior_covariance) * config.gate_inflation;
+            covariance = solution.covariance().unwrap_or(prior_covariance);
             if repeated {
                 break;
             }
             self.previous.clear();
             self.previous.extend(self.matcher.matches.iter().map(|m| (m.landmark, m.feature)));
         }
-        let covariance = solution.covariance().unwrap_or(prior_covariance);
         // Judged by its own matches, as precisely as the pose is known now.
         self.matcher.run(scene, &solution.map_from_camera, &covariance);
         let support = self.matcher.drop_worthless(scene.detection);

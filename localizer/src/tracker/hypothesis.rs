@@ -161,9 +161,8 @@ pub struct Hypothesis {
 impl Hypothesis {
     /// A pose that the search found, with what it is taken to have had in the
     /// frames before, and has to make up for; its speed is that of the region.
-    pub fn found(refined: &Refined, region: &State, past_weight: f64, handicap: f64, config: &Config) -> Self {
-        let pose = refined.covariance * config.robust.gate_inflation;
-        let state = region.moved_to(refined.map_from_camera, &pose);
+    pub fn found(refined: &Refined, region: &State, past_weight: f64, handicap: f64) -> Self {
+        let state = region.moved_to(refined.map_from_camera, &refined.covariance);
         let mut hypothesis = Self::blank(state, past_weight, handicap);
         hypothesis.speed_is_unknown = true;
         hypothesis.take(refined, refined.prior_cost);

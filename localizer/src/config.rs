@@ -15,7 +15,7 @@ use crate::odometry::OdometryConfig;
 use crate::preselect::PreselectConfig;
 use crate::solver::SolverConfig;
 use crate::start::StartConfig;
-use crate::tracker::{BankConfig, HealthConfig, NearbyConfig, RivalConfig};
+use crate::tracker::{BankConfig, ClockConfig, HealthConfig, NearbyConfig, RivalConfig};
 use crate::vision::VisionConfig;
 use crate::visual_odometry::VisualOdometryConfig;
 
@@ -31,6 +31,7 @@ pub const LIMITS: &[Limits] = &[
     limits("detection.sign_band_of_height", 0.01, 1.0),
     limits("noise.end_sigma_px", 0.1, 1000.0),
     limits("robust.max_rounds", 1.0, 1000.0),
+    limits("clock.memory", 0.0, 1.0),
     limits("vision.poles.ransac_rounds", 1.0, 1e6),
     limits("visual_odometry.tracks.columns", 1.0, 200.0),
     limits("visual_odometry.tracks.rows", 1.0, 200.0),
@@ -73,6 +74,8 @@ pub struct Config {
     pub start: StartConfig,
     /// The vehicle's motion.
     pub motion: MotionConfig,
+    /// How well the times of images are kept.
+    pub clock: ClockConfig,
     /// Wheels and gyroscope.
     pub odometry: OdometryConfig,
     /// Speed and turn from the images, where there is no log of wheels.

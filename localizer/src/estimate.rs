@@ -88,6 +88,9 @@ pub struct PoseEstimate {
     /// How much more support the pose has than the best rival that lies
     /// elsewhere (nats).
     pub margin: f64,
+    /// Standard deviation of the time between two images, as far as the images
+    /// tell, seconds: 0 where the clock is good.
+    pub time_sigma_s: f64,
 }
 
 impl PoseEstimate {

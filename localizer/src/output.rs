@@ -19,7 +19,7 @@ use crate::{Error, Result};
 const AXES: [&str; 6] = ["right", "down", "forward", "pitch", "yaw", "roll"];
 /// Columns of `estimates.csv` before the covariance.
 const LEADING: &str = "frame,time_s,status,x_m,y_m,z_m,qx,qy,qz,qw,poles,lanes,signs,correspondences,\
-                       residual_px,support,margin,iterations,converged";
+                       residual_px,support,margin,iterations,converged,time_sigma_s";
 const TIMING: &str = "frame,maps_ms,features_ms,localize_ms";
 
 /// Writes `poses.txt` (KITTI), `poses.tum`, `estimates.csv`, `matches.csv`
@@ -58,7 +58,7 @@ fn estimates_csv(results: &[FrameResult]) -> String {
         let q = estimate.map_from_camera.rotation.coords;
         let _ = write!(
             text,
-            "{},{:.6},{},{:.4},{:.4},{:.4},{:.8},{:.8},{:.8},{:.8},{},{},{},{},{:.3},{:.3},{:.3},{},{}",
+            "{},{:.6},{},{:.4},{:.4},{:.4},{:.8},{:.8},{:.8},{:.8},{},{},{},{},{:.3},{:.3},{:.3},{},{},{:.4}",
             result.frame,
             result.time_s,
             estimate.status,
@@ -78,6 +78,7 @@ fn estimates_csv(results: &[FrameResult]) -> String {
             estimate.margin,
             estimate.iterations,
             u8::from(estimate.converged),
+            estimate.time_sigma_s,
         );
         for sigma in estimate.sigmas() {
             let _ = write!(text, ",{sigma:.6}");
@@ -263,6 +264,7 @@ mod tests {
             status: Status::Degraded,
             support: 12.0,
             margin: f64::INFINITY,
+            time_sigma_s: 0.025,
         };
         FrameResult {
             frame,

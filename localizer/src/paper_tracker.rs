@@ -85,6 +85,7 @@ impl<'a> PaperTracker<'a> {
             status: if result.accepted { Status::Ok } else { Status::Degraded },
             support: 0.0,
             margin: 0.0,
+            time_sigma_s: 0.0,
         }))
     }
 

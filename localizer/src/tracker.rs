@@ -7,6 +7,7 @@
 //! or not trusted) and from poses beside the best one that explain a frame as
 //! well (rivals).
 
+mod clock;
 mod health;
 mod hypothesis;
 mod mean;
@@ -14,6 +15,8 @@ mod nearby;
 mod region;
 mod rivals;
 
+use clock::Clock;
+pub use clock::ClockConfig;
 pub use health::HealthConfig;
 use health::Verdict;
 pub use hypothesis::BankConfig;
@@ -87,6 +90,8 @@ pub struct Tracker<'a> {
     region: Option<State>,
     /// Fixes in a row that lie outside of the region.
     refused_fixes: usize,
+    /// How well the times of the images are kept.
+    clock: Clock,
     /// What was made of the last frame.
     verdict: Option<Verdict>,
     /// Time since the best hypothesis was last followed, seconds.
@@ -111,6 +116,7 @@ impl<'a> Tracker<'a> {
             last_time_s: None,
             region: None,
             refused_fixes: 0,
+            clock: Clock::default(),
             verdict: None,
             unfollowed_s: f64::INFINITY,
             associator: Associator::default(),
@@ -157,6 +163,8 @@ impl<'a> Tracker<'a> {
         for hypothesis in self.spare.drain(..) {
             hypothesis.predict(dt_s, odometry, &self.config, &mut self.bank);
         }
+        let variance_s2 = self.clock.variance_s2(&self.config.clock);
+        self.bank.iter_mut().for_each(|hypothesis| hypothesis.state.doubt_time(variance_s2));
     }
 
     /// Keeps all hypotheses where a vehicle can be `dt_s` after the last frame,
@@ -215,6 +223,9 @@ impl<'a> Tracker<'a> {
             self.add(jump);
         }
         self.sort();
+        if let Some(interval) = self.bank.first_mut().and_then(|best| best.interval.take()) {
+            self.clock.learn(&interval, &self.config.clock);
+        }
         Ok(())
     }
 
@@ -370,6 +381,7 @@ impl<'a> Tracker<'a> {
             status,
             support: best.support,
             margin: margin.min(lead),
+            time_sigma_s: self.clock.variance_s2(&self.config.clock).sqrt(),
         }))
     }
 }

@@ -51,6 +51,9 @@ pub enum Step {
     Sway,
     /// Springs take pitch and roll back to where they rest.
     Springs,
+    /// Shifts along the way, there and back, are put down to the times of the
+    /// images.
+    Clock,
     /// A pole's ends are looked for, not only its line.
     Ends,
     /// Lane lines are curves.
@@ -129,6 +132,7 @@ impl Step {
                 }
             }
             Self::Springs => config.motion.spring_s = NEVER,
+            Self::Clock => config.clock.max_sigma_s = 0.0,
             Self::Ends => config.noise.seen_end = 0.0,
             Self::Curves => {
                 let lanes = trial.frames.iter_mut().flat_map(|seen| &mut seen.features.lanes);

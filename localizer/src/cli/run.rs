@@ -93,6 +93,13 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
         count(Status::Lost),
         out.display()
     );
+    let off_s = typical_time_sigma_s(&results);
+    if off_s >= config.clock.told_sigma_s {
+        common::say!(
+            "the times between images are off by {:.0} ms, as the images tell: give the times of their exposure",
+            1e3 * off_s
+        );
+    }
     if let Some(usage) = read_of_atlas {
         common::say!(
             "{} tiles of the atlas read ({} bytes with the index), at most {} held",
@@ -102,6 +109,13 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
         );
     }
     Ok(true)
+}
+
+/// The median of how far off the times of the images were, seconds.
+fn typical_time_sigma_s(results: &[FrameResult]) -> f64 {
+    let mut sigmas: Vec<f64> = results.iter().map(|result| result.estimate.time_sigma_s).collect();
+    sigmas.sort_by(f64::total_cmp);
+    sigmas.get(sigmas.len() / 2).copied().unwrap_or(0.0)
 }
 
 fn create(folder: &PathBuf) -> Result<()> {

@@ -66,6 +66,14 @@ impl State {
         self.surprise += self.absorb(&row, expected_m_s - self.velocity[0], sigma_m_s);
     }
 
+    /// Takes in that the time since the last image is known to `variance_s2`
+    /// only: a pose `t` later is `v t` further.
+    pub fn doubt_time(&mut self, variance_s2: f64) {
+        let astray = self.velocity * self.velocity.transpose() * variance_s2;
+        let mut pose = self.covariance.fixed_view_mut::<6, 6>(0, 0);
+        pose += astray;
+    }
+
     /// Takes in that the survey's camera stood `below_m` below this one in this
     /// place, known to `sigma_m`, but for what the camera always is higher.
     pub fn measure_height(&mut self, below_m: f64, sigma_m: f64) {

@@ -4,6 +4,7 @@ use common::geometry::{PoseParameters, local};
 use nalgebra::{Cholesky, Point3};
 use serde::{Deserialize, Serialize};
 
+use super::clock::Interval;
 use crate::associate::matching::Scene;
 use crate::associate::robust::{Associator, Question, Refined};
 use crate::associate::separation::Separation;
@@ -124,6 +125,8 @@ pub struct Hypothesis {
     pub log_weight: f64,
     /// The evidence before this frame.
     pub past_weight: f64,
+    /// What the last frame says of its time.
+    pub interval: Option<Interval>,
     /// What it has to make up for, because it was not tracked from the start
     /// or jumped, nats. It fades, too, but slowly.
     pub handicap: f64,
@@ -195,6 +198,7 @@ impl Hypothesis {
             state,
             log_weight: past_weight - handicap,
             past_weight,
+            interval: None,
             handicap,
             age_frames: 0,
             led_frames: 0,
@@ -247,6 +251,7 @@ impl Hypothesis {
         self.past_weight = (self.past_weight + self.evidence) * config.bank.memory;
         self.handicap *= config.bank.handicap_memory;
         self.age_frames += 1;
+        self.interval = None;
         let is_told = odometry.is_some_and(|shown| shown.speed_m_s.is_some());
         if !self.speed_is_unknown || dt_s <= 0.0 || is_told {
             self.speed_is_unknown &= !is_told;
@@ -366,6 +371,10 @@ impl Hypothesis {
             return (refined.matches > 0).then_some(refined);
         }
         self.take(&refined, refined.prior_cost + surprise(&refined.map_from_camera));
+        // One that is just coming to its place says nothing of times yet.
+        if self.age_frames >= 2 {
+            self.interval = Some(Interval::new(&self.state, &refined));
+        }
         self.state.update(&refined.map_from_camera, &refined.covariance);
         let held = refined.worth >= config.health.min_worth;
         self.weak_frames = if held { 0 } else { self.weak_frames + 1 };

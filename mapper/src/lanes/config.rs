@@ -160,8 +160,8 @@ pub struct LaneConfig {
     pub least_enclosed_share: f64,
     /// Lateral tolerance of the polyline, metres.
     pub tolerance_m: f64,
-    /// Tolerance of the heights of the polyline, metres: at 10 m it is half a
-    /// pixel's worth of the camera's height.
+    /// Tolerance of the heights of the polyline, metres: as much as a localizer
+    /// takes them to be off (`noise.lane_height_sigma_m`).
     pub height_tolerance_m: f64,
     /// Half length over which the line is smoothed, metres.
     pub smooth_m: f64,
@@ -236,7 +236,7 @@ impl Default for LaneConfig {
             narrowest_lane_m: 2.6,
             least_enclosed_share: 0.7,
             tolerance_m: 0.03,
-            height_tolerance_m: 0.06,
+            height_tolerance_m: 0.03,
             smooth_m: 4.0,
             largest_simple_ratio: 1.1,
             marks: MarkConfig::default(),

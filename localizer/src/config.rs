@@ -31,7 +31,7 @@ pub const LIMITS: &[Limits] = &[
     limits("detection.sign_band_of_height", 0.01, 1.0),
     limits("noise.end_sigma_px", 0.1, 1000.0),
     limits("robust.max_rounds", 1.0, 1000.0),
-    limits("clock.memory", 0.0, 1.0),
+    limits("clock.frames", 1.0, 1000.0),
     limits("vision.poles.ransac_rounds", 1.0, 1e6),
     limits("visual_odometry.tracks.columns", 1.0, 200.0),
     limits("visual_odometry.tracks.rows", 1.0, 200.0),

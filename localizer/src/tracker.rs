@@ -163,7 +163,7 @@ impl<'a> Tracker<'a> {
         for hypothesis in self.spare.drain(..) {
             hypothesis.predict(dt_s, odometry, &self.config, &mut self.bank);
         }
-        let variance_s2 = self.clock.variance_s2(&self.config.clock);
+        let variance_s2 = self.clock.variance_s2();
         self.bank.iter_mut().for_each(|hypothesis| hypothesis.state.doubt_time(variance_s2));
     }
 
@@ -358,7 +358,10 @@ impl<'a> Tracker<'a> {
         }
         let best = self.bank.first()?;
         let lead = self.lead();
-        let verdict = health::judge(best, lead, margin, self.verdict, &self.config.health);
+        // The pose is that of the image: what its time says is off by so much.
+        let velocity = &best.state.velocity;
+        let late = velocity * velocity.transpose() * self.clock.image_variance_s2();
+        let verdict = health::judge(best, &late, lead, margin, self.verdict, &self.config.health);
         self.verdict = Some(verdict);
         let status = verdict.status;
         if verdict.is_followed {
@@ -373,7 +376,7 @@ impl<'a> Tracker<'a> {
         correspondences.clone_from(&best.correspondences);
         Some(self.said.insert(PoseEstimate {
             map_from_camera,
-            covariance,
+            covariance: covariance + late,
             correspondences,
             residual_rms_px: best.rms_px,
             iterations: best.iterations,
@@ -381,7 +384,7 @@ impl<'a> Tracker<'a> {
             status,
             support: best.support,
             margin: margin.min(lead),
-            time_sigma_s: self.clock.variance_s2(&self.config.clock).sqrt(),
+            time_sigma_s: self.clock.variance_s2().sqrt(),
         }))
     }
 }

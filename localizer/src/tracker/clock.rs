@@ -7,6 +7,8 @@
 //! and the position along the way is believed that much less (covariance
 //! matching: R. K. Mehra, *Approaches to adaptive filtering*, 1972).
 
+use std::collections::VecDeque;
+
 use common::geometry::local;
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
@@ -18,9 +20,9 @@ use crate::filter::State;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ClockConfig {
-    /// Share of what was learnt that counts a frame later: 20 frames, for a
-    /// vehicle that brakes hard for one second is no clock.
-    pub memory: f64,
+    /// Frames that it is learnt from, the last ones: a vehicle that brakes hard
+    /// for one second is no clock.
+    pub frames: usize,
     /// Largest standard deviation that a time between two images is taken to
     /// have, seconds: an image of 10 Hz. 0 takes all times as exact.
     pub max_sigma_s: f64,
@@ -31,7 +33,7 @@ pub struct ClockConfig {
 
 impl Default for ClockConfig {
     fn default() -> Self {
-        Self { memory: 0.95, max_sigma_s: 0.1, told_sigma_s: 0.005 }
+        Self { frames: 20, max_sigma_s: 0.1, told_sigma_s: 0.005 }
     }
 }
 
@@ -62,42 +64,58 @@ impl Interval {
     }
 }
 
-/// What is known of the times of images: the straight line through the origin
-/// that fits the surplus of the frames over their exposure best.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+/// What is known of the times of images.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Clock {
-    /// Sum of exposure times surplus, m^4/s^2.
-    surplus: f64,
-    /// Sum of the squared exposures, m^4/s^4.
-    exposure: f64,
+    /// Of the last frames: the variance of its time that each asks for, s^2, and
+    /// its weight.
+    asked: VecDeque<(f64, f64)>,
+    /// Buffer of the same, by the variance.
+    sorted: Vec<(f64, f64)>,
+    /// Variance of the time between two images, s^2.
+    variance_s2: f64,
 }
 
 impl Clock {
     /// Variance of the time between two images, s^2.
-    pub fn variance_s2(&self, config: &ClockConfig) -> f64 {
-        if self.exposure > 0.0 {
-            (self.surplus / self.exposure).clamp(0.0, config.max_sigma_s * config.max_sigma_s)
-        } else {
-            0.0
-        }
+    pub fn variance_s2(&self) -> f64 {
+        self.variance_s2
+    }
+
+    /// Variance of the time of an image, s^2: half of that between two.
+    pub fn image_variance_s2(&self) -> f64 {
+        0.5 * self.variance_s2
     }
 
     /// Learns from a frame. With the gain `K` of the forward position, of which
     /// the variance was `P`, an innovation `n` moves it by `K n`, and `n^2` is
-    /// expected to be `P / K`. The surplus is `(K n)^2 - K P`, less what was put
-    /// down to the time already; a variance `s^2` of that makes `(K v)^2 s^2` of
-    /// it, `(K v)^2` being the exposure: little where a vehicle goes slowly.
+    /// expected to be `P / K`, `v^2 s^2` of it for a variance `s^2` of the time.
+    /// What the frame asks that to be counts with `(K v)^2`: little where a
+    /// vehicle goes slowly or the image says little. The weighted median is taken:
+    /// one image in five that is an old one is no clock, either. It is the mean
+    /// where all times are off by as much, and less where few are.
     pub fn learn(&mut self, interval: &Interval, config: &ClockConfig) {
         let gain = 1.0 - interval.after_m2 / interval.before_m2;
+        let weight = (gain * interval.speed_m_s).powi(2);
         // The variances may be none.
-        if !(0.0..=1.0).contains(&gain) {
+        if !(0.0..=1.0).contains(&gain) || weight <= 0.0 {
             return;
         }
-        let exposure = (gain * interval.speed_m_s).powi(2);
-        let known_m2 = exposure * self.variance_s2(config);
-        let surplus_m2 = interval.moved_m.powi(2) - gain * interval.before_m2 + known_m2;
-        self.surplus = self.surplus * config.memory + exposure * surplus_m2;
-        self.exposure = self.exposure * config.memory + exposure * exposure;
+        let surplus_m2 = interval.moved_m.powi(2) - gain * interval.before_m2;
+        while self.asked.len() >= config.frames.max(1) {
+            self.asked.pop_front();
+        }
+        self.asked.push_back((surplus_m2 / weight + self.variance_s2, weight));
+        self.sorted.clear();
+        self.sorted.extend(&self.asked);
+        self.sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let mut left = 0.5 * self.sorted.iter().map(|(_, weight)| weight).sum::<f64>();
+        let median_s2 = self.sorted.iter().find(|(_, weight)| {
+            left -= weight;
+            left <= 0.0
+        });
+        let most_s2 = config.max_sigma_s * config.max_sigma_s;
+        self.variance_s2 = median_s2.map_or(0.0, |(asked_s2, _)| asked_s2.clamp(0.0, most_s2));
     }
 }
 
@@ -109,49 +127,58 @@ mod tests {
     use rand_pcg::Pcg64;
 
     /// What a filter of the forward position alone learns in 300 frames of
-    /// 0.1 s at 10 m/s, of which the times are off by `-off_s` or `off_s`. The
-    /// images tell the position to 5 cm, the speed wanders by 5 cm a frame.
-    fn learnt_s(off_s: f64, config: &ClockConfig) -> Vec<f64> {
+    /// 0.1 s at 10 m/s, of which the times are off by `off_s`. The images tell
+    /// the position to 5 cm, the speed wanders by 5 cm a frame.
+    fn learnt_s(off_s: impl Fn(usize) -> f64, config: &ClockConfig) -> Vec<f64> {
         let mut random = Pcg64::seed_from_u64(4);
         let (step_m2, seen_m2, speed_m_s) = (0.05_f64.powi(2), 0.05_f64.powi(2), 10.0);
         let mut noise = |variance: f64| variance.sqrt() * Distribution::<f64>::sample(&StandardNormal, &mut random);
         let (mut clock, mut error_m, mut after_m2, mut late_s) = (Clock::default(), 0.0, seen_m2, 0.0);
         (0..300)
             .map(|i| {
-                let now_s = if i % 2 == 0 { -off_s } else { off_s };
                 // How far the prediction is ahead of the vehicle.
-                error_m += speed_m_s * (now_s - late_s) + noise(step_m2);
-                late_s = now_s;
-                let known_m2 = speed_m_s * speed_m_s * clock.variance_s2(config);
+                error_m += speed_m_s * (off_s(i) - late_s) + noise(step_m2);
+                late_s = off_s(i);
+                let known_m2 = speed_m_s * speed_m_s * clock.variance_s2();
                 let before_m2 = after_m2 + step_m2 + known_m2;
                 let gain = before_m2 / (before_m2 + seen_m2);
                 after_m2 = (1.0 - gain) * before_m2;
                 let moved_m = gain * (noise(seen_m2) - error_m);
                 error_m += moved_m;
                 clock.learn(&Interval { moved_m, before_m2, after_m2, speed_m_s }, config);
-                clock.variance_s2(config).sqrt()
+                clock.variance_s2().sqrt()
             })
             .collect()
+    }
+
+    fn in_turn(off_s: f64) -> impl Fn(usize) -> f64 {
+        move |i| if i.is_multiple_of(2) { -off_s } else { off_s }
     }
 
     #[test]
     fn times_that_are_off_are_told() {
         let config = ClockConfig::default();
-        for off_s in [0.01, 0.025, 0.04] {
+        for off_s in [0.02, 0.03, 0.04] {
             // From one image to the next by twice that.
-            let told_s = learnt_s(off_s, &config)[20..].iter().sum::<f64>() / 280.0;
+            let told_s = learnt_s(in_turn(off_s), &config)[20..].iter().sum::<f64>() / 280.0;
             assert!((told_s / (2.0 * off_s) - 1.0).abs() < 0.25, "{off_s} s: {told_s}");
         }
-        assert!(learnt_s(0.5, &config).iter().all(|s| *s <= config.max_sigma_s));
+        assert!(learnt_s(in_turn(0.5), &config).iter().all(|s| *s <= config.max_sigma_s));
     }
 
     #[test]
     fn good_times_are_believed() {
-        let mut learnt = learnt_s(0.0, &ClockConfig::default());
-        learnt.sort_by(f64::total_cmp);
-        assert!(learnt[150] < 0.002 && learnt[299] < 0.01, "{} {}", learnt[150], learnt[299]);
-        let exact = ClockConfig { max_sigma_s: 0.0, ..ClockConfig::default() };
-        assert!(learnt_s(0.05, &exact).iter().all(|s| *s <= 0.0));
+        let typical_s = |mut learnt_s: Vec<f64>| {
+            learnt_s.sort_by(f64::total_cmp);
+            learnt_s[150]
+        };
+        let config = ClockConfig::default();
+        assert!(typical_s(learnt_s(|_| 0.0, &config)) < 0.002);
+        // Every fifth image is a little older than it is said to be.
+        let fifth_s = typical_s(learnt_s(|i| if i % 5 == 0 { 0.02 } else { 0.0 }, &config));
+        assert!(fifth_s < 0.005, "{fifth_s}");
+        let exact = ClockConfig { max_sigma_s: 0.0, ..config };
+        assert!(learnt_s(in_turn(0.05), &exact).iter().all(|s| *s <= 0.0));
     }
 
     #[test]

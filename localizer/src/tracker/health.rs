@@ -1,5 +1,6 @@
 //! How far the best hypothesis can be trusted.
 
+use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 
 use super::hypothesis::Hypothesis;
@@ -86,13 +87,22 @@ pub struct Verdict {
     pub well_frames: usize,
 }
 
-/// Judges the best hypothesis: `lead` is its evidence over the next one that
+/// Judges the best hypothesis: `late` is the covariance of its pose for the
+/// time of the image not being known, `lead` its evidence over the next one that
 /// is tracked, `margin` its support over the best pose beside it, nats;
 /// `before` was said of the frame before.
-pub fn judge(best: &Hypothesis, lead: f64, margin: f64, before: Option<Verdict>, health: &HealthConfig) -> Verdict {
+pub fn judge(
+    best: &Hypothesis,
+    late: &Matrix6<f64>,
+    lead: f64,
+    margin: f64,
+    before: Option<Verdict>,
+    health: &HealthConfig,
+) -> Verdict {
     let was_lost = before.is_some_and(|verdict| verdict.status == Status::Lost);
+    let horizontal_m = |covariance: &Matrix6<f64>| (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt();
     let covariance = best.state.pose_covariance();
-    let sigma_m = (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt();
+    let sigma_m = horizontal_m(&covariance);
     let verified = best.age_frames >= health.verify_frames;
     if sigma_m > health.lost_sigma_m || best.weak_frames >= health.lost_after_frames || (was_lost && !verified) {
         return Verdict { status: Status::Lost, is_followed: false, well_frames: 0 };
@@ -104,7 +114,9 @@ pub fn judge(best: &Hypothesis, lead: f64, margin: f64, before: Option<Verdict>,
         && best.separation.one_m <= health.max_separation_m
         && lead >= health.ok_lead + best.handicap
         && margin >= 0.0;
-    let is_well = is_followed && best.separation.two_m <= health.max_separation_of_two_m;
+    let is_well = is_followed
+        && best.separation.two_m <= health.max_separation_of_two_m
+        && horizontal_m(&(covariance + late)) <= health.ok_sigma_m;
     let well_frames = if is_well { before.map_or(0, |verdict| verdict.well_frames) + 1 } else { 0 };
     let is_ok = is_well && well_frames >= health.well_frames && best.led_frames >= health.led_frames;
     let status = if is_ok { Status::Ok } else { Status::Degraded };

@@ -359,8 +359,7 @@ impl<'a> Tracker<'a> {
         let best = self.bank.first()?;
         let lead = self.lead();
         // The pose is that of the image: what its time says is off by so much.
-        let velocity = &best.state.velocity;
-        let late = velocity * velocity.transpose() * self.clock.image_variance_s2();
+        let late = best.state.time_covariance(self.clock.image_variance_s2());
         let verdict = health::judge(best, &late, lead, margin, self.verdict, &self.config.health);
         self.verdict = Some(verdict);
         let status = verdict.status;

@@ -3,6 +3,7 @@
 //! springs.
 
 use common::geometry::{Tangent, retract};
+use nalgebra::Matrix6;
 
 use super::{
     BIAS, FORWARD, HEIGHT, LEVER, MOUNTING, MotionConfig, REST_PITCH, REST_ROLL, RIGHT, SCALE, State, VectorN,
@@ -66,10 +67,16 @@ impl State {
         self.surprise += self.absorb(&row, expected_m_s - self.velocity[0], sigma_m_s);
     }
 
+    /// How far the pose is astray for the time being known to `variance_s2`
+    /// only: `t` later it is `v t` further.
+    pub fn time_covariance(&self, variance_s2: f64) -> Matrix6<f64> {
+        self.velocity * self.velocity.transpose() * variance_s2
+    }
+
     /// Takes in that the time since the last image is known to `variance_s2`
-    /// only: a pose `t` later is `v t` further.
+    /// only.
     pub fn doubt_time(&mut self, variance_s2: f64) {
-        let astray = self.velocity * self.velocity.transpose() * variance_s2;
+        let astray = self.time_covariance(variance_s2);
         let mut pose = self.covariance.fixed_view_mut::<6, 6>(0, 0);
         pose += astray;
     }

@@ -115,7 +115,7 @@ impl Clock {
             left <= 0.0
         });
         let most_s2 = config.max_sigma_s * config.max_sigma_s;
-        self.variance_s2 = median_s2.map_or(0.0, |(asked_s2, _)| asked_s2.clamp(0.0, most_s2));
+        self.variance_s2 = median_s2.map_or(0.0, |(asked_s2, _)| asked_s2.max(0.0).min(most_s2));
     }
 }
 

@@ -32,6 +32,7 @@ pub const LIMITS: &[Limits] = &[
     limits("noise.end_sigma_px", 0.1, 1000.0),
     limits("robust.max_rounds", 1.0, 1000.0),
     limits("clock.frames", 1.0, 1000.0),
+    limits("clock.max_sigma_s", 0.0, 10.0),
     limits("vision.poles.ransac_rounds", 1.0, 1e6),
     limits("visual_odometry.tracks.columns", 1.0, 200.0),
     limits("visual_odometry.tracks.rows", 1.0, 200.0),

@@ -1,6 +1,6 @@
-//! What the vehicle under the camera says about its motion: wheels and
-//! gyroscope, the axle that does not steer, the height over the road, the
-//! springs.
+//! What is known of the motion besides the images: wheels and gyroscope, the
+//! axle that does not steer, how well times are kept, the height over the road,
+//! the springs.
 
 use common::geometry::{Tangent, retract};
 use nalgebra::Matrix6;

@@ -371,7 +371,7 @@ impl Hypothesis {
             return (refined.matches > 0).then_some(refined);
         }
         self.take(&refined, refined.prior_cost + surprise(&refined.map_from_camera));
-        // One that is just coming to its place says nothing of times yet.
+        // In its first frame the speed of one that was just found is a guess.
         if self.age_frames >= 2 {
             self.interval = Some(Interval::new(&self.state, &refined));
         }

@@ -11,11 +11,13 @@ struct Mishap<'a> {
     is_black: &'a dyn Fn(usize) -> bool,
     /// The image of another frame than it says.
     shows: &'a dyn Fn(usize) -> usize,
+    /// By how much its time is off, seconds.
+    late_s: &'a dyn Fn(usize) -> f64,
     /// Done to the tracker before a frame.
     before: &'a dyn Fn(usize, &mut Tracker<'_>),
 }
 
-const NONE: Mishap<'_> = Mishap { is_black: &|_| false, shows: &|frame| frame, before: &|_, _| () };
+const NONE: Mishap<'_> = Mishap { is_black: &|_| false, shows: &|frame| frame, late_s: &|_| 0.0, before: &|_, _| () };
 
 struct Run {
     errors_m: Vec<f64>,
@@ -54,7 +56,8 @@ fn run_with(config: &Config, world: &World, gps: &GpsConfig, seed: u64, mishap: 
         (mishap.before)(frame, &mut tracker);
         let shown = (mishap.shows)(frame).min(world.truth.len() - 1);
         let features = if (mishap.is_black)(frame) { Features::default() } else { world.features(shown) };
-        let input = FrameInput { time_s: time_s(frame), features: &features, gps: fixes.get(frame), odometry: None };
+        let time_s = time_s(frame) + (mishap.late_s)(frame);
+        let input = FrameInput { time_s, features: &features, gps: fixes.get(frame), odometry: None };
         let estimate = tracker.step(&input).unwrap().unwrap();
         let off = local(&world.truth[shown], &estimate.map_from_camera);
         run.errors_m.push(off.fixed_rows::<3>(0).norm());
@@ -248,6 +251,39 @@ fn dropped_and_doubled_frames_are_survived() {
 
 /// Moves all hypotheses at frame 50, as wrong associations would; none may be
 /// called ok while it is off, and some frames later it must be back.
+#[test]
+fn images_whose_times_are_off_are_followed_and_not_called_ok() {
+    let world = World::new(street());
+    let mishap = Mishap { late_s: &|frame| if frame % 2 == 0 { -0.025 } else { 0.025 }, ..NONE };
+    let mut exact = Config::default();
+    exact.clock.max_sigma_s = 0.0;
+    let of = |config: &Config| run_with(config, &world, &GpsConfig::default(), 1, &mishap);
+    let (learning, believing) = (of(&Config::default()), of(&exact));
+    let (rms_m, rms_believing_m) = (learning.rms_m(30), believing.rms_m(30));
+    assert!(rms_m < 0.15 && rms_m < 0.5 * rms_believing_m, "{rms_m} m, {rms_believing_m} m");
+    assert_eq!((learning.ok_from(30), learning.lies()), (None, 0));
+}
+
+#[test]
+fn a_start_from_fixes_that_are_worse_than_they_say_is_found() {
+    let world = World::new(Recipe { false_poles: 5, missed: 0.5, ..street() });
+    for turn_rad in [-0.3, 0.3] {
+        for off in [[3.5, 0.0], [-3.5, 0.0], [0.0, 3.5], [0.0, -3.5]] {
+            let off = Tangent::new(off[0], 0.0, off[1], 0.0, turn_rad, 0.0);
+            let mut map = LocalMap::whole(world.map.clone());
+            let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, &Config::default());
+            for frame in 0..10 {
+                let truth = &world.truth[frame];
+                let fix = (frame < 2).then(|| GpsFix::from_pose(&retract(truth, &off), &GpsConfig::default()));
+                let (time_s, features) = (time_s(frame), &world.features(frame));
+                let input = FrameInput { time_s, features, gps: fix.as_ref(), odometry: None };
+                let found = local(truth, &tracker.step(&input).unwrap().unwrap().map_from_camera);
+                assert!(frame < 5 || found.fixed_rows::<3>(0).norm() < 0.5, "{off}, frame {frame}: {found}");
+            }
+        }
+    }
+}
+
 fn assert_comes_back(off: Tangent, frames: usize) {
     let world = World::new(street());
     let before = |frame: usize, tracker: &mut Tracker<'_>| {

@@ -11,7 +11,7 @@ mod surroundings;
 mod tests;
 
 use common::map::atlas::{Atlas, Counts};
-use common::map::{LaneLine, Pole, SemanticMap, Sign};
+use common::map::{LaneLine, Numbering, Pole, SemanticMap, Sign};
 use nalgebra::{Point3, Vector3};
 
 use crate::Result;
@@ -121,6 +121,12 @@ impl LocalMap {
         roads.sort_unstable();
         roads.dedup();
         Ok(())
+    }
+
+    /// The numbers of the landmarks of the whole map.
+    pub fn numbering(&self) -> Numbering {
+        let whole = || self.held.first().map_or(Numbering::new(0, 0, 0), |held| Numbering::of(&held.map));
+        self.surroundings.as_ref().map_or_else(whole, Surroundings::numbering)
     }
 
     fn held(&self, key: RoadKey) -> Option<&Held> {

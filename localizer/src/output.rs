@@ -8,6 +8,7 @@ use std::path::Path;
 
 use common::atomic_file;
 use common::geometry::Pose;
+use common::map::Numbering;
 use common::trajectory::{StampedPose, Trajectory};
 use nalgebra::{Matrix6, Quaternion, Translation3, UnitQuaternion};
 
@@ -23,11 +24,12 @@ const LEADING: &str = "frame,time_s,status,x_m,y_m,z_m,qx,qy,qz,qw,poles,lanes,s
 const TIMING: &str = "frame,maps_ms,features_ms,localize_ms";
 
 /// Writes `poses.txt` (KITTI), `poses.tum`, `estimates.csv`, `matches.csv`
-/// (what was matched with what) and `timing.csv` into a folder that exists.
+/// (what was matched with what, landmarks by their `numbers`) and `timing.csv`
+/// into a folder that exists.
 ///
 /// # Errors
 /// As [`atomic_file::write`].
-pub fn write(folder: &Path, results: &[FrameResult]) -> Result<()> {
+pub fn write(folder: &Path, results: &[FrameResult], numbers: Numbering) -> Result<()> {
     let stamps = results
         .iter()
         .map(|r| StampedPose { frame: r.frame, time_s: r.time_s, map_from_camera: r.estimate.map_from_camera })
@@ -36,7 +38,7 @@ pub fn write(folder: &Path, results: &[FrameResult]) -> Result<()> {
     trajectory.write_kitti(folder.join("poses.txt"))?;
     trajectory.write_tum(folder.join("poses.tum"))?;
     atomic_file::write(folder.join("estimates.csv"), estimates_csv(results).as_bytes())?;
-    atomic_file::write(folder.join("matches.csv"), matches_csv(results).as_bytes())?;
+    atomic_file::write(folder.join("matches.csv"), matches_csv(results, numbers).as_bytes())?;
     atomic_file::write(folder.join("timing.csv"), timing_csv(results).as_bytes())?;
     Ok(())
 }
@@ -93,15 +95,15 @@ fn estimates_csv(results: &[FrameResult]) -> String {
     text
 }
 
-fn matches_csv(results: &[FrameResult]) -> String {
+fn matches_csv(results: &[FrameResult], numbers: Numbering) -> String {
     let mut text = String::from("frame,semantics,landmark,feature,residual_px,weight\n");
     for result in results {
         for found in &result.estimate.correspondences {
             let (semantics, landmark) = match found.landmark {
-                LandmarkId::Pole(index) => ("pole", index),
-                LandmarkId::Lane(index) => ("lane", index),
-                LandmarkId::Sign(index) => ("sign", index),
-                LandmarkId::Marks(index) => ("marks", index),
+                LandmarkId::Pole(index) => ("pole", numbers.pole(index)),
+                LandmarkId::Lane(index) => ("lane", numbers.lane(index)),
+                LandmarkId::Sign(index) => ("sign", numbers.sign(index)),
+                LandmarkId::Marks(index) => ("marks", numbers.lane(index)),
             };
             let (residual_px, weight) = (found.residual_px, found.weight);
             let _ = writeln!(
@@ -248,7 +250,7 @@ fn rows(path: &Path, leading: &[&str]) -> Result<Vec<(usize, Vec<String>)>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::PoseEstimate;
+    use crate::estimate::{Correspondence, PoseEstimate};
     use common::geometry::PoseParameters;
     use nalgebra::Matrix6;
 
@@ -280,8 +282,15 @@ mod tests {
     #[test]
     fn what_was_written_is_read_back() {
         let folder = tempfile::tempdir().unwrap();
-        let results = [result(2), result(5)];
-        write(folder.path(), &results).unwrap();
+        let mut results = [result(2), result(5)];
+        let matched = |landmark| Correspondence { landmark, feature: 3, residual_px: 0.5, weight: 1.0 };
+        let landmarks = [LandmarkId::Pole(1), LandmarkId::Sign(0), LandmarkId::Lane(2), LandmarkId::Marks(2)];
+        results[1].estimate.correspondences = landmarks.map(matched).to_vec();
+        write(folder.path(), &results, Numbering::new(10, 5, 3)).unwrap();
+        // Poles, signs and lines are counted on, as in exports.
+        let matches = std::fs::read_to_string(folder.path().join("matches.csv")).unwrap();
+        let numbers: Vec<&str> = matches.lines().skip(1).filter_map(|line| line.split(',').nth(2)).collect();
+        assert_eq!(numbers, ["2", "11", "18", "18"]);
         let read = read_estimates(&folder.path().join("estimates.csv")).unwrap();
         assert_eq!(read.iter().map(|r| r.frame).collect::<Vec<_>>(), [2, 5]);
         let off = common::geometry::local(&results[0].estimate.map_from_camera, &read[0].map_from_camera);

@@ -16,6 +16,7 @@ mod grid;
 mod layout;
 mod marks;
 mod model;
+mod numbering;
 mod pole;
 #[cfg(test)]
 mod tests;
@@ -29,6 +30,7 @@ pub use file::{read, write};
 pub use layout::{MapLayout, SectionSize};
 pub use marks::marks_along;
 pub use model::{LaneKind, LaneLine, Pole, PoleKind, Road, RoadId, SemanticMap, Sign, SignKind};
+pub use numbering::Numbering;
 
 /// How a map is stored.
 #[derive(Debug, Clone, Copy, PartialEq)]

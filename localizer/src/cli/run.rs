@@ -72,7 +72,7 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     let results = localize(&input.frames, &fixes, &odometry, localizer)?;
     let read_of_atlas = input.map.usage();
     create(&out)?;
-    output::write(&out, &results)?;
+    output::write(&out, &results, input.map.numbering())?;
     if let Some(folder) = &args.overlay {
         create(folder)?;
         for result in &results {

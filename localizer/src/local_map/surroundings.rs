@@ -1,6 +1,7 @@
 //! Which tiles of an atlas are held: those that are asked for, those ahead,
 //! and for a while those behind.
 
+use common::map::Numbering;
 use common::map::atlas::{Area, Atlas, TilePlace};
 use serde::{Deserialize, Serialize};
 
@@ -92,6 +93,12 @@ impl Surroundings {
     /// What was read so far.
     pub fn usage(&self) -> Usage {
         Usage { bytes_read: self.atlas.bytes_read(), ..self.usage }
+    }
+
+    /// The numbers of the landmarks of the whole atlas.
+    pub fn numbering(&self) -> Numbering {
+        let counts = self.atlas.summary().counts;
+        Numbering::new(counts.poles as usize, counts.signs as usize, counts.lanes as usize)
     }
 
     /// Makes sure that everything in `area` is held.

@@ -111,6 +111,7 @@ fn a_drive_across_tiles_gives_the_poses_of_the_whole_map() {
             let around = drive(&world, &mut local, method).unwrap();
             assert_eq!(poses(&around), poses(&whole));
             assert!(around.iter().zip(&whole).all(|(a, b)| a.covariance == b.covariance && a.status == b.status));
+            assert_eq!(local.numbering(), Numbering::of(&world.map));
             let usage = local.usage().unwrap();
             assert!(tiles > 8 && usage.tiles_read >= tiles, "{tiles} tiles, {usage:?}");
             assert!(*config != LAZY || usage.most_held < tiles, "{tiles} tiles, {usage:?}");

@@ -20,7 +20,7 @@
 //!
 //! The extra dimension `landmark_id` (LAS 1.4, record 4 of `LASF_Spec`:
 //! unsigned 32 bits) is the number of the landmark that the point lies on, as
-//! in all exports of the map: [`super::Numbering`]. It is 0 on all other
+//! in all exports of the map: [`common::map::Numbering`]. It is 0 on all other
 //! points, and on those of a landmark that is not in the map in the end.
 
 use std::fs::File;

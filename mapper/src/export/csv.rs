@@ -2,10 +2,9 @@
 
 use std::fmt::Write as _;
 
-use common::map::SemanticMap;
+use common::map::{Numbering, SemanticMap};
 use nalgebra::Point3;
 
-use super::Numbering;
 use super::frame::{DEGREE_DIGITS, Frame, METRE_DIGITS};
 
 /// The map as CSV: `id,kind,road,point` and three coordinates, then `size_m`,

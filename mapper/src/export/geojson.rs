@@ -5,13 +5,12 @@
 //! which RFC 7946 (section 4) leaves to those who exchange them: the member
 //! `frame` says which.
 
-use common::map::SemanticMap;
+use common::map::{Numbering, SemanticMap};
 use geojson::feature::Id;
 use geojson::{Feature, FeatureCollection, GeometryValue, JsonObject, Position};
 use nalgebra::Point3;
 use serde_json::json;
 
-use super::Numbering;
 use super::frame::{Frame, METRE_DIGITS, rounded};
 
 /// The map as `GeoJSON`, a line per feature.

@@ -1,10 +1,9 @@
 //! Which landmark of a map a point lies on.
 
-use common::map::SemanticMap;
+use common::map::{Numbering, SemanticMap};
 use nalgebra::Point3;
 use rustc_hash::FxHashMap;
 
-use super::Numbering;
 use super::classes::{LANE_PAINT, POLE, POLE_RADIUS_M, SIGN, SIGN_MARGIN_M, distance_to_segment};
 
 /// Side of a cell in which landmarks are looked up, metres.

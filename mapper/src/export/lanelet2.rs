@@ -21,12 +21,11 @@
 //! `local` projector. Ways have the numbers of the landmarks, nodes those
 //! after them: Lanelet2 wants every number once.
 
-use common::map::{LaneKind, PoleKind, SemanticMap, Sign, SignKind};
+use common::map::{LaneKind, Numbering, PoleKind, SemanticMap, Sign, SignKind};
 use nalgebra::{Point3, Vector3};
 use quick_xml::events::{BytesDecl, BytesStart, Event};
 use quick_xml::writer::Writer;
 
-use super::Numbering;
 use super::frame::{DEGREE_DIGITS, Frame, METRE_DIGITS};
 
 /// A way: its number, its points in the map, its tags.

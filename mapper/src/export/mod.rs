@@ -1,7 +1,6 @@
 //! Maps and stitched clouds in the formats of other programs.
 //!
-//! A landmark has the same number in all of them: its place in the map as it
-//! is read from its file, poles first, then signs, then lane lines, from 1.
+//! A landmark has the same number in all of them: [`common::map::Numbering`].
 
 mod classes;
 mod cloud;
@@ -63,39 +62,5 @@ impl Format {
             Self::Ascii if frame.origin().is_none() => Ok(common::map::ascii(map)),
             Self::Ascii => Err(Error::OriginUnused),
         }
-    }
-}
-
-/// The numbers of the landmarks of a map: poles from 1, then signs, then lane
-/// lines.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Numbering {
-    signs_from: usize,
-    lanes_from: usize,
-    /// The first number that no landmark has.
-    pub end: usize,
-}
-
-impl Numbering {
-    /// The numbers in a map as it is read from its file.
-    pub fn of(map: &SemanticMap) -> Self {
-        let signs_from = 1 + map.poles.len();
-        let lanes_from = signs_from + map.signs.len();
-        Self { signs_from, lanes_from, end: lanes_from + map.lanes.len() }
-    }
-
-    /// The number of a pole, by its place in the map.
-    pub fn pole(self, index: usize) -> usize {
-        1 + index
-    }
-
-    /// The number of a sign, by its place in the map.
-    pub fn sign(self, index: usize) -> usize {
-        self.signs_from + index
-    }
-
-    /// The number of a lane line, by its place in the map.
-    pub fn lane(self, index: usize) -> usize {
-        self.lanes_from + index
     }
 }

@@ -10,10 +10,18 @@ use super::{FoundSign, POST_BELOW_M};
 use crate::cloud::Cloud;
 use crate::lidar::LidarConfig;
 
-/// The plates among the rows of a post.
-pub fn plates_on(rows: &[Row], axis: &Axis, cloud: &Cloud, config: &SignConfig, lidar: &LidarConfig) -> Vec<FoundSign> {
+/// The plates among the rows of a post from so high on, metres above ground.
+pub fn plates_on(
+    rows: &[Row],
+    axis: &Axis,
+    lowest_m: f64,
+    cloud: &Cloud,
+    config: &SignConfig,
+    lidar: &LidarConfig,
+) -> Vec<FoundSign> {
     let all = plates(rows, axis, cloud, &config.outline, lidar);
-    all.iter().filter(|p| is_back(p, rows, &all, config)).map(|p| p.sign(SignKind::TrafficSign)).collect()
+    let is_plate = |plate: &&Plate| plate.above_ground_m >= lowest_m && is_back(plate, rows, &all, config);
+    all.iter().filter(is_plate).map(|p| p.sign(SignKind::TrafficSign)).collect()
 }
 
 fn is_back(plate: &Plate, rows: &[Row], all: &[Plate], config: &SignConfig) -> bool {
@@ -34,8 +42,7 @@ fn is_back(plate: &Plate, rows: &[Row], all: &[Plate], config: &SignConfig) -> b
         (Some(post_m), Some(plate_m)) => *plate_m >= backs.least_over_post * post_m,
         _ => false,
     };
-    plate.above_ground_m >= backs.lowest_m
-        && height_m >= backs.least_height_m
+    height_m >= backs.least_height_m
         && (narrowest..=widest).contains(&plate.width_m)
         && height_m <= backs.largest_aspect * plate.width_m
         && plate.width_m <= backs.largest_aspect * height_m

@@ -139,6 +139,9 @@ impl Default for OutlineConfig {
 pub struct BackConfig {
     /// Lowest edge, metres above ground: below are people, boxes and bins.
     pub lowest_m: f64,
+    /// The same below another plate, metres above ground: timetables hang from
+    /// 1.2 m on.
+    pub lowest_below_m: f64,
     /// Least height, metres.
     pub least_height_m: f64,
     /// Least and largest width, metres.
@@ -165,6 +168,7 @@ impl Default for BackConfig {
     fn default() -> Self {
         Self {
             lowest_m: 1.5,
+            lowest_below_m: 1.2,
             least_height_m: 0.2,
             width_m: [0.3, 1.3],
             largest_aspect: 3.0,

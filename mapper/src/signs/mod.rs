@@ -83,11 +83,22 @@ fn on_post(
         return Vec::new();
     }
     let axis = Axis { foot: pole.foot, top: pole.top, radius_m: pole.radius_m };
-    let lowest_m = config.backs.lowest_m.min(config.lights.lowest_m);
-    let rows = rows(cloud, &axis, (lowest_m - POST_BELOW_M, pole.top_height_m + OVER_TOP_M), lidar);
+    let from = |lowest_m: f64| rows(cloud, &axis, (lowest_m - POST_BELOW_M, pole.top_height_m + OVER_TOP_M), lidar);
+    let plates_from = |lowest_m: f64, rows: &[Row]| backs::plates_on(rows, &axis, lowest_m, cloud, config, lidar);
+    let rows = from(config.backs.lowest_m.min(config.lights.lowest_m));
     // Lights first: from behind they may look like plates.
     let mut found = lights::lights_on(&rows, &axis, config);
-    found.extend(backs::plates_on(&rows, &axis, cloud, config, lidar));
+    let plates = plates_from(config.backs.lowest_m, &rows);
+    // Only below a plate is another one looked for nearer to the ground.
+    if let Some(lowest) = plates.iter().map(|sign| sign.centroid.y).max_by(f64::total_cmp) {
+        let lower = plates_from(config.backs.lowest_below_m, &from(config.backs.lowest_below_m));
+        found.extend(
+            lower
+                .into_iter()
+                .filter(|sign| sign.centroid.y > lowest && !plates.iter().any(|known| is_same(known, sign))),
+        );
+    }
+    found.extend(plates);
     found
 }
 

@@ -51,8 +51,16 @@ impl Post {
         }
     }
 
-    fn found(mut self, top_m: f64) -> Vec<FoundSign> {
-        self.street.add_cylinder(self.foot, self.foot - Vector3::new(0.0, top_m, 0.0), 0.038);
+    fn found(self, top_m: f64) -> Vec<FoundSign> {
+        self.found_on(&[(0.0, top_m)])
+    }
+
+    /// The same on a post that is bare between some heights above ground only.
+    fn found_on(mut self, bare_m: &[(f64, f64)]) -> Vec<FoundSign> {
+        for (from_m, to_m) in bare_m {
+            let at = |height_m: f64| self.foot - Vector3::new(0.0, height_m, 0.0);
+            self.street.add_cylinder(at(*from_m), at(*to_m), 0.038);
+        }
         let (cloud, lidar) = (self.street.cloud(), LidarConfig::default());
         let poles = find_poles(&cloud, &PoleConfig::default(), &lidar);
         find_signs(&cloud, &poles, &SignConfig::default(), &lidar)
@@ -80,6 +88,24 @@ fn plates_seen_from_behind_are_found_and_face_away() {
     assert_eq!(signs.len(), 1, "{signs:?}");
     assert!((signs[0].centroid - Point3::new(5.0, CAMERA_HEIGHT_M - 2.15, 9.95)).norm() < 0.06, "{:?}", signs[0]);
     assert!(signs[0].facing.is_some_and(|f| f.y < -0.9), "{:?}", signs[0]);
+}
+
+#[test]
+fn a_low_board_is_a_sign_below_another_one_only() {
+    let found = |is_stop: bool| {
+        let mut post = Post::new(5.0, 40.0);
+        if is_stop {
+            post.board(0.45, (2.4, 2.85), 0.05, [Some(METAL), Some(METAL)]);
+        }
+        post.board(0.35, (1.25, 1.75), 0.05, [Some(METAL); 2]);
+        let mut heights: Vec<f64> =
+            post.found_on(&[(0.0, 1.25), (1.75, 2.4)]).iter().map(|sign| CAMERA_HEIGHT_M - sign.centroid.y).collect();
+        heights.sort_by(f64::total_cmp);
+        heights
+    };
+    assert!(found(false).is_empty());
+    let [lower, upper] = found(true)[..] else { panic!("{:?}", found(true)) };
+    assert!((lower - 1.5).abs() < 0.05 && (upper - 2.62).abs() < 0.1, "{lower} {upper}");
 }
 
 #[test]

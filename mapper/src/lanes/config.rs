@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::{ContrastConfig, FordConfig, MarkConfig, SideConfig};
+use super::{ContrastConfig, FordConfig, MarkConfig, RhythmConfig, SideConfig};
 
 /// How lane lines are found and described.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -171,6 +171,8 @@ pub struct LaneConfig {
     pub largest_simple_ratio: f64,
     /// Ends of the marks of dashed lines.
     pub marks: MarkConfig,
+    /// Short dashes that are seen from afar.
+    pub rhythm: RhythmConfig,
     /// Crossings and fords.
     pub fords: FordConfig,
     /// Lines of side streets.
@@ -240,6 +242,7 @@ impl Default for LaneConfig {
             smooth_m: 4.0,
             largest_simple_ratio: 1.1,
             marks: MarkConfig::default(),
+            rhythm: RhythmConfig::default(),
             fords: FordConfig::default(),
             side: SideConfig::default(),
         }

@@ -3,6 +3,7 @@
 use super::LaneConfig;
 use super::fords::forget_bars;
 use super::profile::{Bin, Share, Shares, runs};
+use super::rhythm::tell_rhythms;
 
 /// Largest share of paint that is believed: a bare point or two say something
 /// then, too.
@@ -17,37 +18,56 @@ pub fn decide(bins: &mut [Bin], config: &LaneConfig) -> Shares {
     let side = |k: usize| bins.iter().map(|b| b.beside[k]).sum::<Share>().value();
     let bare = side(0).min(side(1)).max(config.least_bare_share).min(0.5);
     let mut shares = Shares { painted: config.usual_share.max(2.0 * bare), bare };
-    let mut share = 0.0;
-    for _ in 0..ROUNDS {
-        likeliest(bins, &[shares.painted], shares.bare, config);
-        share = bins.iter().filter(|b| b.painted).map(|b| b.core).sum::<Share>().value();
-        let least = f64::max(config.least_bright_share / 2.0, 2.0 * bare).min(MOST_PAINTED);
-        shares.painted = share.clamp(least, MOST_PAINTED);
-    }
-    // What tells a line from a texture is its clear paint; then comes the worn.
-    let worn = (config.worn_share * shares.painted).max(config.least_worn_ratio * shares.bare);
-    for bin in bins.iter_mut() {
-        bin.clear = bin.painted;
-    }
-    if worn < shares.painted {
-        likeliest(bins, &[shares.painted, worn], shares.bare, config);
-        for run in runs(bins, config) {
-            let is_long = run.len() as f64 * config.profile_m > config.longest_dash_m;
-            if is_long && clear_share(bins[run.clone()].iter()) < config.least_clear_share {
-                bins[run].iter_mut().for_each(|b| b.painted = b.clear);
-            }
-        }
+    let mut share = settle(bins, &mut shares, config);
+    add_worn(bins, shares, config);
+    if tell_rhythms(bins, config) {
+        share = settle(bins, &mut shares, config);
+        add_worn(bins, shares, config);
     }
     forget_bars(bins, config);
     forget_unseen(bins, config);
     // A run that is shorter than a dash, or of a point or two, is no paint.
     for run in runs(bins, config) {
         let points: f64 = bins[run.clone()].iter().map(|b| b.core.bright).sum();
-        if (run.len() as f64) * config.profile_m < config.shortest_blot_m || points < config.fewest_blot_points {
+        let is_stray = points < config.fewest_blot_points && bins[run.clone()].iter().all(|b| b.rhythm.is_none());
+        if (run.len() as f64) * config.profile_m < config.shortest_blot_m || is_stray {
             bins[run].iter_mut().for_each(|b| b.painted = false);
         }
     }
     Shares { painted: share, bare }
+}
+
+/// Estimates what is painted and the share of paint points there in turns, from
+/// the share in `shares` on: the share, which in `shares` is kept where it is
+/// believed.
+fn settle(bins: &mut [Bin], shares: &mut Shares, config: &LaneConfig) -> f64 {
+    let least = f64::max(config.least_bright_share / 2.0, 2.0 * shares.bare).min(MOST_PAINTED);
+    let mut share = 0.0;
+    for _ in 0..ROUNDS {
+        likeliest(bins, &[shares.painted], shares.bare, config);
+        share = bins.iter().filter(|b| b.painted).map(|b| b.core).sum::<Share>().value();
+        shares.painted = share.clamp(least, MOST_PAINTED);
+    }
+    share
+}
+
+/// Adds worn paint: what tells a line from a texture is its clear paint, that was
+/// decided before.
+fn add_worn(bins: &mut [Bin], shares: Shares, config: &LaneConfig) {
+    let worn = (config.worn_share * shares.painted).max(config.least_worn_ratio * shares.bare);
+    for bin in bins.iter_mut() {
+        bin.clear = bin.painted;
+    }
+    if worn >= shares.painted {
+        return;
+    }
+    likeliest(bins, &[shares.painted, worn], shares.bare, config);
+    for run in runs(bins, config) {
+        let is_long = run.len() as f64 * config.profile_m > config.longest_dash_m;
+        if is_long && clear_share(bins[run.clone()].iter()) < config.least_clear_share {
+            bins[run].iter_mut().for_each(|b| b.painted = b.clear);
+        }
+    }
 }
 
 /// Share of clear paint among painted bins.
@@ -62,7 +82,7 @@ fn forget_unseen(bins: &mut [Bin], config: &LaneConfig) {
     let most = (config.longest_unseen_m / config.profile_m) as usize;
     let mut start = 0;
     for i in 0..=bins.len() {
-        let is_seen = bins.get(i).is_none_or(|b| b.core.bright > 0.0 || !b.painted);
+        let is_seen = bins.get(i).is_none_or(|b| b.core.bright > 0.0 || b.rhythm.is_some() || !b.painted);
         if is_seen {
             let unseen = start..i;
             let at_end = |b: Option<&Bin>| b.is_none_or(|b| !b.painted);
@@ -84,6 +104,10 @@ fn likeliest(bins: &mut [Bin], painted: &[f64], bare: f64, config: &LaneConfig) 
     // Points of one ring on one dash are no independent witnesses, and no bin
     // says more than it may: of the shares the likelier one is so all the same.
     let evidence = |b: &Bin, all: &mut [f64]| {
+        if let Some(is_mark) = b.rhythm {
+            all.fill(if is_mark { config.most_evidence } else { -config.most_evidence });
+            return;
+        }
         for (own, [more, less]) in all.iter_mut().zip(&odds) {
             *own = (b.core.bright * more + (b.core.road - b.core.bright).max(0.0) * less) * config.evidence_share;
         }

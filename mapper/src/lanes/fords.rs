@@ -61,7 +61,7 @@ impl Default for FordConfig {
 
 /// Periods that are tried are so much of one apart over the length of a run: a
 /// resolution, not a choice.
-const STEP: f64 = 0.25;
+pub const STEP: f64 = 0.25;
 
 /// Whether a row of paint consists of blocks: its share of paint, cell by cell,
 /// repeats with a period (Schuster 1898).

@@ -42,7 +42,7 @@ fn cut(group: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> Vec<Stretch
             next.is_some_and(|next| !is_bare(last.end..next.start, bins, config))
         };
         let is_solid = *is_solid || (part.len() < config.fewest_dashes && (after_solid || before_solid()));
-        if !is_solid && !are_dashes(part, config) {
+        if !is_solid && !are_dashes(part, bins, config) {
             continue;
         }
         let kind = if is_solid { LaneKind::Solid } else { LaneKind::Dashed };
@@ -92,14 +92,15 @@ fn are_solid(group: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> Vec<b
 }
 
 /// Whether runs of paint are the dashes of a line: enough of them, half of
-/// them as long as a dash, and not too far apart.
-fn are_dashes(part: &[Range<usize>], config: &LaneConfig) -> bool {
+/// them as long as a dash or repeating as dashes do, and not too far apart.
+fn are_dashes(part: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> bool {
     let (Some(first), Some(last)) = (part.first(), part.last()) else { return false };
     let painted: usize = part.iter().map(ExactSizeIterator::len).sum();
     let mut lengths: Vec<usize> = part.iter().map(ExactSizeIterator::len).collect();
     lengths.sort_unstable();
+    let repeats = || 2 * part.iter().filter(|run| bins[run.start].rhythm.is_some()).count() > part.len();
     part.len() >= config.fewest_dashes
-        && lengths[lengths.len() / 2] as f64 * config.profile_m >= config.shortest_dash_m
+        && (lengths[lengths.len() / 2] as f64 * config.profile_m >= config.shortest_dash_m || repeats())
         && painted as f64 >= config.least_painted * (last.end - first.start) as f64
 }
 

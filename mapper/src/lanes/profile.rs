@@ -23,6 +23,8 @@ pub struct Bin {
     pub clear: bool,
     /// Points of paint on the line's core, and all road points on it.
     pub core: Share,
+    /// Whether it is on a mark, by the rhythm of its line, where that has one.
+    pub rhythm: Option<bool>,
     /// The same to the left and to the right of the line.
     pub beside: [Share; 2],
     /// Points of paint to its left and to its right where the next bars of a
@@ -124,7 +126,9 @@ pub fn profile(chain: &Chain, paint: &Paint, config: &LaneConfig) -> (Vec<Bin>, 
     for row in runs.chunk_by(|a, b| (b.start - a.end) as f64 * config.profile_m < worn_m) {
         let (Some(first), Some(last)) = (row.first(), row.last()) else { continue };
         let row = &mut bins[first.start..last.end];
-        if is_ford(row, paint, config) {
+        // What repeats as dashes do is painted and bare more seldom than blocks.
+        let has_rhythm = || 2 * row.iter().filter(|bin| bin.rhythm.is_some()).count() > row.len();
+        if !has_rhythm() && is_ford(row, paint, config) {
             for bin in row {
                 bin.painted = false;
             }
@@ -163,6 +167,7 @@ fn fill(bin: &mut Bin, paint: &Paint, half_m: f64, config: &LaneConfig) {
         }
     }
     bin.bright = on;
+    bin.rhythm = None;
     bin.off_m = off_sum_m / on.max(1.0);
     bin.contrast = contrast_sum / on.max(1.0);
     for_each_beside(paint, [from_m, to_m], offset_m, half_m.max(far_m), |off_m, _| {

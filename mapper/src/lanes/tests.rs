@@ -80,6 +80,26 @@ fn solid_and_dashed_lines_are_told_apart_and_an_arrow_is_neither() {
 }
 
 #[test]
+fn short_dashes_of_which_little_is_seen_are_no_solid_line() {
+    let kinds = |config: &Config| {
+        let mut street = Street::new();
+        // Dashes of 1 m with as long gaps, six hits on each.
+        for i in 0..180 {
+            let z = f64::from(i / 6 * 2) + (f64::from(i) * 0.618).fract();
+            street.add(Point3::new(5.0, CAMERA_HEIGHT_M, z), (z / 6.0) as u16, 0.5, Some(8.0));
+        }
+        let pieces = find_lanes(&street.cloud(), config);
+        assert!(pieces.iter().map(length_m).sum::<f64>() > 50.0, "{pieces:?}");
+        pieces.iter().map(|piece| piece.kind).collect::<Vec<LaneKind>>()
+    };
+    let mut config = Config::default();
+    assert_eq!(kinds(&config), [LaneKind::Dashed]);
+    // No bin alone tells it.
+    config.lanes.rhythm.least_evidence = f64::INFINITY;
+    assert_eq!(kinds(&config), [LaneKind::Solid]);
+}
+
+#[test]
 fn a_line_that_changes_from_solid_to_dashed_is_cut_there_and_has_no_hole() {
     let mut street = Street::new();
     paint(&mut street, (0.0, 60.0), |_| 1.75, |z| z < 24.0 || z % 6.0 < 3.0);

@@ -124,8 +124,8 @@ fn period_m(bins: &[Bin], [shortest_m, longest_m]: [f64; 2], least_evidence: f64
     let length_m = bins.len() as f64 * config.profile_m;
     let all: Share = bins.iter().map(|bin| bin.core).sum();
     let mean = all.value();
-    // Most of its dashes may be told already, or it has too little paint.
     let variance = all.road * mean * (1.0 - mean);
+    // As much evidence as there can be with so little paint.
     let most = config.evidence_share * all.bright.powi(2) / variance;
     if length_m < config.longest_dash_m || mean >= 1.0 || most.is_nan() || most <= least_evidence {
         return None;
@@ -149,6 +149,7 @@ fn period_m(bins: &[Bin], [shortest_m, longest_m]: [f64; 2], least_evidence: f64
         .max_by(|a, b| a.1.total_cmp(&b.1))?;
     let is_likely = config.evidence_share * amplitude.powi(2) / variance > least_evidence;
     let is_strong = 2.0 * amplitude > config.rhythm.least_strength * all.bright;
+    // Most of its dashes may be told already.
     let is_told = runs(bins, config).len() as f64 > MOST_TOLD * per_m * length_m;
     (is_likely && is_strong && !is_told).then(|| per_m.recip())
 }
@@ -194,7 +195,7 @@ impl<'a> Pattern<'a> {
         let all: Share = [on, off].into_iter().sum();
         // Two shares against one (binomial likelihoods).
         let likelihood = |s: Share| {
-            let share = s.value().clamp(config.least_bare_share / 2.0, MOST_PAINTED);
+            let share = s.value().max(config.least_bare_share / 2.0).min(MOST_PAINTED);
             s.bright * share.ln() + (s.road - s.bright).max(0.0) * (1.0 - share).ln()
         };
         let evidence = config.evidence_share * (likelihood(on) + likelihood(off) - likelihood(all));

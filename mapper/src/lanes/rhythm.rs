@@ -42,6 +42,9 @@ pub struct RhythmConfig {
     /// By how much a period may differ from that beside, as a share: a line 10 m
     /// beside a path with a bend of 200 m is so much longer or shorter.
     pub same_period: f64,
+    /// Share of the dashes in a window from which on its bins tell them, and no
+    /// rhythm is needed: one in five may be worn or hidden.
+    pub most_told: f64,
 }
 
 impl Default for RhythmConfig {
@@ -54,6 +57,7 @@ impl Default for RhythmConfig {
             least_known_evidence: 4.0,
             least_part_evidence: 2.0,
             same_period: 0.05,
+            most_told: 0.8,
         }
     }
 }
@@ -150,12 +154,9 @@ fn period_m(bins: &[Bin], [shortest_m, longest_m]: [f64; 2], least_evidence: f64
     let is_likely = config.evidence_share * amplitude.powi(2) / variance > least_evidence;
     let is_strong = 2.0 * amplitude > config.rhythm.least_strength * all.bright;
     // Most of its dashes may be told already.
-    let is_told = runs(bins, config).len() as f64 > MOST_TOLD * per_m * length_m;
+    let is_told = runs(bins, config).len() as f64 > config.rhythm.most_told * per_m * length_m;
     (is_likely && is_strong && !is_told).then(|| per_m.recip())
 }
-
-/// Share of the dashes in a window from which on its bins tell them.
-const MOST_TOLD: f64 = 0.8;
 
 /// Marks and gaps of one period.
 struct Pattern<'a> {

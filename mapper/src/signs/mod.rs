@@ -90,15 +90,12 @@ fn on_post(
     let mut found = lights::lights_on(&rows, &axis, config);
     let plates = plates_from(config.backs.lowest_m, &rows);
     // Only below a plate is another one looked for nearer to the ground.
-    if let Some(lowest) = plates.iter().map(|sign| sign.centroid.y).max_by(f64::total_cmp) {
-        let lower = plates_from(config.backs.lowest_below_m, &from(config.backs.lowest_below_m));
-        found.extend(
-            lower
-                .into_iter()
-                .filter(|sign| sign.centroid.y > lowest && !plates.iter().any(|known| is_same(known, sign))),
-        );
-    }
+    let lowest = plates.iter().map(|sign| sign.centroid.y).max_by(f64::total_cmp);
     found.extend(plates);
+    if let Some(lowest) = lowest {
+        let lower = plates_from(config.backs.lowest_below_m, &from(config.backs.lowest_below_m));
+        found.extend(lower.into_iter().filter(|sign| sign.centroid.y > lowest));
+    }
     found
 }
 

@@ -78,6 +78,7 @@ pub const LIMITS: &[Limits] = &[
     limits("poles.*_m", 0.0, 60.0),
     range("signs.*.width_m", 0.0, 60.0),
     range("signs.lights.seen_m", 0.0, 60.0),
+    limits("signs.lights.most_own_odds", 1.0, 1e6),
     limits("signs.*_m", 0.0, 60.0),
     limits("lanes.window_m", 2.0, 200.0),
     limits("lanes.apart_m", 0.0, 5.0),

@@ -195,7 +195,8 @@ pub struct LightConfig {
     /// Farthest hit whose reflectance counts, metres: beyond it the lidar
     /// reports none for much that is not dark.
     pub farthest_m: f64,
-    /// Least share of hits on the box that are dark.
+    /// Least share of hits on the box that are dark: the edges of its post are not,
+    /// nor is what else hangs on posts, but for a part of it.
     pub least_dark_share: f64,
     /// Hits farther than this off the surface of the post are the box's, metres.
     pub off_post_m: f64,
@@ -215,9 +216,15 @@ pub struct LightConfig {
     /// Boxes whose middles are this far apart in the plane hang on different
     /// sides of their post, metres.
     pub apart_m: f64,
-    /// Least share of the one's hits at the heights at which two boxes hang: less
-    /// are of the other one's edge.
-    pub least_own_share: f64,
+    /// How far the middle of a box lies from where a hit tells, metres, one standard
+    /// deviation: half its depth behind the hit, where the box was seen straight.
+    pub middle_sigma_m: f64,
+    /// Largest odds by which a hit is of the one of two boxes: one in twenty is of
+    /// their edges or their visors.
+    pub most_own_odds: f64,
+    /// Share of the one's hits at heights at which two boxes hang: the other one may
+    /// hide most of it.
+    pub own_share: f64,
     /// Longest gap in height between two hits on one box, metres: the distance of
     /// two beams at 35 m.
     pub longest_gap_m: f64,
@@ -241,7 +248,9 @@ impl Default for LightConfig {
             width_m: [0.1, 0.4],
             depth_m: 0.24,
             apart_m: 0.12,
-            least_own_share: 1.0 / 3.0,
+            middle_sigma_m: 0.05,
+            most_own_odds: 20.0,
+            own_share: 0.15,
             longest_gap_m: 0.25,
             fewest_hits: 20,
             fewest_scans: 3,

@@ -1,7 +1,9 @@
 //! Traffic lights: dark boxes that hang on a post.
 
+use std::ops::Range;
+
 use common::map::SignKind;
-use nalgebra::{Point2, Point3, Vector2};
+use nalgebra::{Matrix2, Point2, Point3, Vector2};
 
 use super::FoundSign;
 use super::config::{LightConfig, SignConfig};
@@ -19,10 +21,12 @@ struct Beside {
     above_ground_m: f64,
     is_dark: bool,
     scan: u16,
+    /// What it counts: as much at each height, however many hits are there.
+    weight: f64,
 }
 
-/// The traffic lights among the rows of a post: at most two, one for those who
-/// drive and a lower one for those who walk.
+/// The traffic lights among the rows of a post, from above: one for those who
+/// drive, and a lower one for those who walk.
 pub fn lights_on(rows: &[Row], axis: &Axis, config: &SignConfig) -> Vec<FoundSign> {
     let axis = bare(axis, rows, &config.outline);
     let lights = &config.lights;
@@ -34,20 +38,40 @@ pub fn lights_on(rows: &[Row], axis: &Axis, config: &SignConfig) -> Vec<FoundSig
         .flat_map(|r| hits_beside(r, &axis, lights))
         .collect();
     beside.sort_by(|a, b| a.height.total_cmp(&b.height).then(a.scan.cmp(&b.scan)));
-    let level = &beside[heights_of(&beside, |i| beside[i].is_dark, lights.least_dark_share, lights)];
-    let dark: Vec<Beside> = level.iter().copied().filter(|h| h.is_dark).collect();
-    let is_upper = uppers(&dark, lights);
-    let are_two = is_upper.contains(&true);
-    [false, true]
+    lights_beside(&beside, &axis, lights)
+}
+
+/// The lights among hits beside a post, sorted by height, from above.
+fn lights_beside(beside: &[Beside], axis: &Axis, lights: &LightConfig) -> Vec<FoundSign> {
+    let dark_gain = |hit: &Beside| {
+        if hit.is_dark { 1.0 } else { -lights.least_dark_share / (1.0 - lights.least_dark_share) }
+    };
+    let mut found = Vec::new();
+    for level in runs(beside, &dark_gain, lights).into_iter().rev() {
+        let is_below = !found.is_empty();
+        found.extend(lights_among(&beside[level], is_below, axis, lights));
+    }
+    found
+}
+
+/// One or two lights among hits of which most are dark, sorted by height.
+fn lights_among(level: &[Beside], is_below: bool, axis: &Axis, lights: &LightConfig) -> Vec<FoundSign> {
+    let mut dark: Vec<Beside> = level.iter().copied().filter(|h| h.is_dark).collect();
+    count_heights_alike(&mut dark);
+    let [two_lenses_m, three_lenses_m] = lights.usual_heights_m;
+    let Some(of_upper) = evidence_of_upper(&dark, lights) else {
+        let usual_m = if is_below { two_lenses_m } else { three_lenses_m };
+        return light(&dark, level, axis, usual_m, lights).into_iter().collect();
+    };
+    [(1.0, three_lenses_m), (-1.0, two_lenses_m)]
         .into_iter()
-        .filter_map(|upper| {
+        .filter_map(|(side, usual_m)| {
             // Two heads hang on two sides of their post, and one begins before the other ends.
-            let is_own = |i: usize| is_upper[i] == upper;
-            let of_head = heights_of(&dark, is_own, lights.least_own_share, lights);
-            let hits: Vec<Beside> = of_head.filter(|i| is_own(*i)).map(|i| dark[i]).collect();
-            let [two_lenses_m, three_lenses_m] = lights.usual_heights_m;
-            let usual_m = if are_two && !upper { two_lenses_m } else { three_lenses_m };
-            light(&hits, level, &axis, usual_m, lights)
+            let own = |i: usize| side * of_upper[i];
+            let gains: Vec<f64> = (0..dark.len()).map(|i| gain_of_own(own(i), lights.own_share)).collect();
+            let of_head = best_run(&dark, &gains, lights)?;
+            let hits: Vec<Beside> = of_head.filter(|i| own(*i) > 0.0).map(|i| dark[i]).collect();
+            light(&hits, level, axis, usual_m, lights)
         })
         .collect()
 }
@@ -61,75 +85,106 @@ fn hits_beside<'a>(row: &'a Row, axis: &'a Axis, config: &'a LightConfig) -> imp
             above_ground_m: row.above_ground_m,
             is_dark: *reflectance <= config.darkest,
             scan: row.scan,
+            weight: 1.0,
         })
     })
 }
 
-/// Which of the hits, sorted by height, are those of one box: the run without a
-/// gap in which its own ones are most over the share that they must have.
-fn heights_of(
-    sorted: &[Beside],
-    is_own: impl Fn(usize) -> bool,
-    least_share: f64,
-    config: &LightConfig,
-) -> std::ops::Range<usize> {
-    let cost = least_share / (1.0 - least_share);
-    let (mut best, mut best_sum) = (0..0, 0.0);
+/// The runs of hits, sorted by height, that gain most, and then of those below and
+/// above them, from below.
+fn runs(sorted: &[Beside], gain: &impl Fn(&Beside) -> f64, config: &LightConfig) -> Vec<Range<usize>> {
+    let gains: Vec<f64> = sorted.iter().map(gain).collect();
+    let mut found = Vec::new();
+    let mut open = vec![0..sorted.len()];
+    while let Some(within) = open.pop() {
+        let Some(best) = best_run(&sorted[within.clone()], &gains[within.clone()], config) else { continue };
+        let best = within.start + best.start..within.start + best.end;
+        if best.len() >= config.fewest_hits {
+            open.extend([within.start..best.start, best.end..within.end]);
+            found.push(best);
+        }
+    }
+    found.sort_by_key(|run| run.start);
+    found
+}
+
+/// The run without a gap, of hits sorted by height, that gains most.
+fn best_run(sorted: &[Beside], gains: &[f64], config: &LightConfig) -> Option<Range<usize>> {
+    let (mut best, mut best_sum) = (None, 0.0);
     let (mut start, mut sum) = (0, 0.0);
-    for (i, hit) in sorted.iter().enumerate() {
+    for (i, (hit, gain)) in sorted.iter().zip(gains).enumerate() {
         let is_apart = i > 0 && hit.height - sorted[i - 1].height > config.longest_gap_m;
         if sum <= 0.0 || is_apart {
             (start, sum) = (i, 0.0);
         }
-        sum += if is_own(i) { 1.0 } else { -cost };
+        sum += gain;
         if sum > best_sum {
-            (best, best_sum) = (start..i + 1, sum);
+            (best, best_sum) = (Some(start..i + 1), sum);
         }
     }
     best
 }
 
+/// What a hit says for a box at its height that this share of the hits there are
+/// of, against none: `own` is the evidence that it is of that box and not of the
+/// other one, the natural logarithm of their odds.
+fn gain_of_own(own: f64, share: f64) -> f64 {
+    (1.0 - share + share * own.exp()).ln()
+}
+
+/// Weighs hits, sorted by height, by how many others are at their height: those
+/// who drive by see much more of a lower edge than of what is above it.
+fn count_heights_alike(sorted: &mut [Beside]) {
+    let heights: Vec<f64> = sorted.iter().map(|h| h.height).collect();
+    for hit in sorted {
+        let from = heights.partition_point(|h| *h < hit.height - LEVEL_M);
+        let to = heights.partition_point(|h| *h <= hit.height + LEVEL_M);
+        hit.weight = ((to - from) as f64).recip();
+    }
+}
+
+/// Hits so near in height are at one, metres: the heights of beams differ by more.
+const LEVEL_M: f64 = 0.03;
+
+fn weight(hits: &[Beside]) -> f64 {
+    hits.iter().map(|h| h.weight).sum()
+}
+
 fn mean(hits: &[Beside]) -> Vector2<f64> {
-    hits.iter().map(|h| h.middle).sum::<Vector2<f64>>() / hits.len().max(1) as f64
+    hits.iter().map(|h| h.weight * h.middle).sum::<Vector2<f64>>() / weight(hits).max(f64::MIN_POSITIVE)
 }
 
-/// Which of the hits on dark boxes, sorted by height, are of the upper of two;
-/// none where there is one only. Where they overlap in height their sides of
-/// the post tell.
-fn uppers(sorted: &[Beside], config: &LightConfig) -> Vec<bool> {
-    let parting = parting(sorted, config);
-    if parting == 0 {
-        return vec![false; sorted.len()];
-    }
-    let mut is_upper: Vec<bool> = (0..sorted.len()).map(|i| i >= parting).collect();
-    for _ in 0..SIDE_ROUNDS {
-        let of = |upper: bool| -> Vec<Beside> {
-            sorted.iter().zip(&is_upper).filter(|(_, u)| **u == upper).map(|(h, _)| *h).collect()
-        };
-        let (below, above) = (of(false), of(true));
-        if below.len().min(above.len()) < config.fewest_hits {
-            return vec![false; sorted.len()];
-        }
-        let (below, above) = (mean(&below), mean(&above));
-        is_upper = sorted.iter().map(|h| (h.middle - above).norm() < (h.middle - below).norm()).collect();
-    }
-    is_upper
+/// The scatter of the middles about their mean, m^2, times the weight of the hits.
+fn scatter(hits: &[Beside]) -> Matrix2<f64> {
+    let mean = mean(hits);
+    hits.iter().map(|h| h.weight * (h.middle - mean) * (h.middle - mean).transpose()).sum()
 }
 
-/// Rounds in which hits go to the nearer of two boxes (Lloyd 1982).
-const SIDE_ROUNDS: usize = 3;
+/// Evidence that each of the hits on dark boxes, sorted by height, is of the upper
+/// of two and not of the lower one (natural logarithm of the odds); none where
+/// there is one box only. Where they overlap in height their sides of the post
+/// tell: middles scatter along the faces that are seen more than across them, as
+/// much on both (Fisher's discriminant).
+fn evidence_of_upper(sorted: &[Beside], config: &LightConfig) -> Option<Vec<f64>> {
+    let (below, above) = sorted.split_at(parting(sorted, config)?);
+    let noise = Matrix2::identity() * config.middle_sigma_m.powi(2);
+    let covariance = (scatter(below) + scatter(above)) / weight(sorted) + noise;
+    let (below, above) = (mean(below), mean(above));
+    let (toward_upper, border) = (covariance.try_inverse()? * (above - below), (above + below) / 2.0);
+    let most = config.most_own_odds.ln();
+    Some(sorted.iter().map(|h| toward_upper.dot(&(h.middle - border)).clamp(-most, most)).collect())
+}
 
 /// Where hits that are sorted by height part into two boxes on different sides
-/// of the post: the split that explains most of their scatter; 0 where there is
-/// one box only.
-fn parting(sorted: &[Beside], config: &LightConfig) -> usize {
+/// of the post: the split that explains most of their scatter; none where there
+/// is one box only.
+fn parting(sorted: &[Beside], config: &LightConfig) -> Option<usize> {
     let fewest = config.fewest_hits;
     let apart = |i: usize| (mean(&sorted[..i]) - mean(&sorted[i..])).norm();
-    let explained = |i: usize| (i * (sorted.len() - i)) as f64 * apart(i).powi(2);
+    let explained = |i: usize| weight(&sorted[..i]) * weight(&sorted[i..]) * apart(i).powi(2);
     (fewest..(sorted.len() + 1).saturating_sub(fewest))
         .max_by(|a, b| explained(*a).total_cmp(&explained(*b)))
         .filter(|i| apart(*i) >= config.apart_m)
-        .unwrap_or(0)
 }
 
 /// The light whose housing has these hits; `usual_m` is how high it is mostly.
@@ -174,4 +229,49 @@ fn spread(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     values.sort_by(f64::total_cmp);
     let cut = values.len() / 20;
     Some((*values.get(cut)?, *values.get(values.len().checked_sub(1 + cut)?)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Hits on a box around this place between two heights, so many per metre of
+    /// height: in turn a hand to the left and to the right of its middle.
+    fn hits(at: (f64, f64), (low, high): (f64, f64), per_m: f64, is_dark: bool) -> Vec<Beside> {
+        let count = ((high - low) * per_m) as u16;
+        (0..count)
+            .map(|i| {
+                let side = [-0.1, -0.03, 0.04, 0.1][usize::from(i % 4)];
+                let height = low + (high - low) * (f64::from(i) + 0.5) / f64::from(count);
+                let middle = Vector2::new(at.0 + side, at.1 + 0.1 * side);
+                Beside { middle, height, above_ground_m: height, is_dark, scan: i % 7, weight: 1.0 }
+            })
+            .collect()
+    }
+
+    fn lights(mut beside: Vec<Beside>) -> Vec<FoundSign> {
+        beside.sort_by(|a, b| a.height.total_cmp(&b.height));
+        let axis = Axis::through(&Point3::new(0.0, -2.0, 0.0), 0.05);
+        lights_beside(&beside, &axis, &LightConfig::default())
+    }
+
+    #[test]
+    fn a_head_begins_where_another_one_before_it_hides_most_of_it() {
+        let lower = [hits((0.0, -0.18), (2.0, 2.6), 200.0, true), hits((0.0, -0.18), (2.0, 2.05), 4000.0, true)];
+        let upper = [hits((0.2, 0.0), (2.35, 2.6), 60.0, true), hits((0.2, 0.0), (2.6, 3.0), 120.0, true)];
+        let found = lights([lower, upper].concat().concat());
+        let [upper, lower] = &found[..] else { panic!("{found:?}") };
+        assert!((-lower.centroid.y - 2.3).abs() < 0.05 && (-upper.centroid.y - 2.8).abs() < 0.07, "{found:?}");
+        assert!((upper.centroid.x - 0.2).abs() < 0.03 && (lower.centroid.z + 0.18).abs() < 0.03, "{found:?}");
+    }
+
+    #[test]
+    fn what_is_dark_below_a_light_hides_no_light() {
+        let below = hits((0.1, 0.0), (1.85, 1.9), 2000.0, true);
+        let post = hits((0.0, 0.0), (1.9, 2.5), 100.0, false);
+        let light = hits((0.0, -0.18), (2.5, 2.9), 100.0, true);
+        let found = lights([below, post, light].concat());
+        let [light] = &found[..] else { panic!("{found:?}") };
+        assert!((-light.centroid.y - 2.95).abs() < 0.05, "{light:?}");
+    }
 }

@@ -95,7 +95,7 @@ fn hits_beside<'a>(row: &'a Row, axis: &'a Axis, config: &'a LightConfig) -> imp
 fn runs(sorted: &[Beside], gain: &impl Fn(&Beside) -> f64, config: &LightConfig) -> Vec<Range<usize>> {
     let gains: Vec<f64> = sorted.iter().map(gain).collect();
     let mut found = Vec::new();
-    let mut open = vec![0..sorted.len()];
+    let mut open: Vec<Range<usize>> = std::iter::once(0..sorted.len()).collect();
     while let Some(within) = open.pop() {
         let Some(best) = best_run(&sorted[within.clone()], &gains[within.clone()], config) else { continue };
         let best = within.start + best.start..within.start + best.end;

@@ -76,6 +76,12 @@ pub struct OutlineConfig {
     /// Share of a plate's rows that are odd for reasons of their own, as those are
     /// from far behind: two plates without a gap must explain more than these.
     pub odd_share: f64,
+    /// Before any is seen, a scan's rows are as likely hidden as if this many had
+    /// been, and `odd_share` of them were: about one beam in five tells of leaves.
+    pub telling_rows: f64,
+    /// Most beams that may have missed a plate between two that hit it, as many
+    /// as they are expected to be: behind leaves several in a row do.
+    pub most_missed: f64,
     /// What a row costs of which only one end is where a plate's is, as the other
     /// is hidden: three such are as odd as one that fits nowhere.
     pub hidden_cost: f64,
@@ -117,6 +123,8 @@ impl Default for OutlineConfig {
             narrowest_m: 0.13,
             edge_cost: 1.4,
             odd_share: 0.05,
+            telling_rows: 5.0,
+            most_missed: 6.0,
             hidden_cost: 0.3,
             least_stacked_m: 0.12,
             least_cosine: 0.5,

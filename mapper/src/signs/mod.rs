@@ -13,6 +13,7 @@ mod lights;
 mod outline;
 mod rows;
 mod stacked;
+mod told;
 
 use common::map::{PoleKind, SignKind};
 use nalgebra::{Point3, Vector2};
@@ -62,8 +63,11 @@ pub fn find_signs(
         bright.par_iter().map(|plate| outlined(plate, cloud, poles, config, lidar)).collect();
     let on_posts: Vec<Vec<FoundSign>> =
         poles.par_iter().map(|(kind, pole)| on_post(*kind, pole, cloud, config, lidar)).collect();
+    // Of what hides in part, bright points alone tell least.
+    let (with_outline, without): (Vec<FoundSign>, Vec<FoundSign>) =
+        bright.into_iter().flatten().partition(|sign| sign.sigma_m.is_some());
     let mut found: Vec<FoundSign> = Vec::new();
-    for sign in bright.into_iter().chain(on_posts).flatten() {
+    for sign in with_outline.into_iter().chain(on_posts.into_iter().flatten()).chain(without) {
         if !found.iter().any(|known| is_same(known, &sign)) {
             found.push(sign);
         }

@@ -3,8 +3,9 @@
 use nalgebra::{Matrix2, Point3, SymmetricEigen, Vector2};
 
 use super::config::OutlineConfig;
-use super::rows::{Axis, REACH_M, Row};
+use super::rows::{Axis, Row};
 use super::stacked::{Ends, gaps};
+use super::told::{Says, Told, doubt, each};
 use crate::cloud::Cloud;
 use crate::lidar::LidarConfig;
 
@@ -46,35 +47,6 @@ pub struct Plate {
     pub bright_share: f64,
 }
 
-/// What a row says about its height.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Says {
-    /// It is longer than its post is wide, and ends on both sides.
-    Plate,
-    /// A short row of retro-reflective sheeting: a plate that is partly hidden.
-    PartOfPlate,
-    /// A short row on the axis.
-    Post,
-    /// A short row beside the axis: leaves, or a plate behind leaves.
-    Nothing,
-}
-
-fn says(row: &Row, axis: &Axis, config: &OutlineConfig) -> Says {
-    let beam_m = config.beam_rad * row.range_m;
-    let post_m = (2.0 * axis.radius_m + config.slack_m).max(config.narrowest_m) + beam_m;
-    let aside_m = axis.radius_m + config.slack_m + beam_m;
-    if row.width_m() > post_m {
-        let ends = row.span_m.0 > -0.95 * REACH_M && row.span_m.1 < 0.95 * REACH_M;
-        if ends { Says::Plate } else { Says::Nothing }
-    } else if row.brightest >= config.bright {
-        Says::PartOfPlate
-    } else if f64::midpoint(row.span_m.0, row.span_m.1).abs() < aside_m {
-        Says::Post
-    } else {
-        Says::Nothing
-    }
-}
-
 /// The axis with the radius of its bare post: where plates hang on it, what
 /// was fitted to it is wider. A third of the rows at least are narrow.
 pub fn bare(axis: &Axis, rows: &[Row], config: &OutlineConfig) -> Axis {
@@ -87,47 +59,97 @@ pub fn bare(axis: &Axis, rows: &[Row], config: &OutlineConfig) -> Axis {
 /// The plates among the rows of an axis, from below.
 pub fn plates(rows: &[Row], axis: &Axis, cloud: &Cloud, config: &OutlineConfig, lidar: &LidarConfig) -> Vec<Plate> {
     let axis = &bare(axis, rows, config);
-    let mut sorted: Vec<&Row> = rows.iter().collect();
-    sorted.sort_by(|a, b| a.height.total_cmp(&b.height).then(a.scan.cmp(&b.scan)));
-    segments(&sorted, axis, config)
+    let mut told = each(rows, axis, config);
+    for (from, to) in joined(segments(&told, config), &told) {
+        doubt(&mut told[from..=to], config);
+    }
+    segments(&told, config)
         .into_iter()
         .flat_map(|(from, to)| {
             // Edge-on a plate is as narrow as its post: rows that look along it
             // say nothing, and without them the plate may be two.
-            let (low, high) = (sorted[from].height, sorted[to].height);
-            let long: Vec<&Row> =
-                sorted[from..=to].iter().copied().filter(|r| says(r, axis, config) == Says::Plate).collect();
-            let Some((normal, _)) = plane(&long) else { return Vec::new() };
-            let facing: Vec<&Row> = sorted
+            let (low, high) = (told[from].row.height, told[to].row.height);
+            let long = told[from..=to].iter().filter(|t| t.says == Says::Plate).map(|t| t.row);
+            let Some((normal, _)) = plane(&long.collect::<Vec<_>>()) else { return Vec::new() };
+            let facing: Vec<Told<'_>> = told
                 .iter()
+                .filter(|t| t.row.height >= low - MARGIN_M && t.row.height <= high + MARGIN_M)
+                .filter(|t| t.row.view.dot(&normal).abs() >= config.least_cosine)
                 .copied()
-                .filter(|r| r.height >= low - MARGIN_M && r.height <= high + MARGIN_M)
-                .filter(|r| r.view.dot(&normal).abs() >= config.least_cosine)
                 .collect();
-            segments(&facing, axis, config)
+            segments(&facing, config)
                 .into_iter()
                 // Its neighbours reach into the margin.
-                .filter(|s| (low..=high).contains(&f64::midpoint(facing[s.0].height, facing[s.1].height)))
-                .flat_map(|s| each_plate(&facing, s, &normal, axis, config, lidar))
+                .filter(|s| (low..=high).contains(&f64::midpoint(facing[s.0].row.height, facing[s.1].row.height)))
+                .flat_map(|s| each_plate(&facing, s, &normal, config, lidar))
+                .flat_map(|s| unbroken(&facing, s, cloud, config, lidar))
                 .filter_map(|s| plate(&facing, s, axis, cloud, config, lidar))
                 .collect()
         })
         .collect()
 }
 
-/// The plates among the rows of a run, first and last index of each.
-fn each_plate(
-    rows: &[&Row],
+/// Runs that are near to each other as one: what leaves cut in two is looked at
+/// as a whole.
+fn joined(runs: Vec<(usize, usize)>, told: &[Told<'_>]) -> Vec<(usize, usize)> {
+    let mut joined: Vec<(usize, usize)> = Vec::new();
+    for (from, to) in runs {
+        match joined.last_mut() {
+            Some(last) if told[from].row.height - told[last.1].row.height < MARGIN_M => last.1 = to,
+            _ => joined.push((from, to)),
+        }
+    }
+    joined
+}
+
+/// The parts of a plate between which so many beams missed it that it is not
+/// one: where no post stands behind it nothing else says so.
+fn unbroken(
+    rows: &[Told<'_>],
     (from, to): (usize, usize),
-    normal: &Vector2<f64>,
-    axis: &Axis,
+    cloud: &Cloud,
     config: &OutlineConfig,
     lidar: &LidarConfig,
 ) -> Vec<(usize, usize)> {
-    let telling: Vec<usize> =
-        (from..=to).filter(|&i| matches!(says(rows[i], axis, config), Says::Plate | Says::Post)).collect();
+    let is_on = |i: &usize| matches!(rows[*i].says, Says::Plate | Says::PartOfPlate);
+    let on: Vec<usize> = (from..=to).filter(is_on).collect();
+    let mut scans: Vec<&Row> = on.iter().map(|&i| rows[i].row).collect();
+    scans.sort_by_key(|row| row.scan);
+    scans.dedup_by_key(|row| row.scan);
+    let beams = |low: f64, high: f64| -> f64 {
+        let of_scan = |row: &&Row| {
+            (high.min(ceiling(row, cloud, lidar)) - low).max(0.0) / (row.range_m * lidar.elevation_step_rad)
+        };
+        scans.iter().map(of_scan).sum()
+    };
+    let mut parts = Vec::new();
+    let mut first = from;
+    for pair in on.windows(2) {
+        if beams(rows[pair[0]].row.height, rows[pair[1]].row.height) > config.most_missed {
+            parts.push((first, pair[0]));
+            first = pair[1];
+        }
+    }
+    parts.push((first, to));
+    parts
+}
+
+/// Height up to which the scan of a row sees there, along -y of the map, metres.
+fn ceiling(row: &Row, cloud: &Cloud, lidar: &LidarConfig) -> f64 {
+    cloud.sensors[usize::from(row.scan)].view_along(&row.view, row.range_m, lidar).ceiling(lidar)
+}
+
+/// The plates among the rows of a run, first and last index of each.
+fn each_plate(
+    rows: &[Told<'_>],
+    (from, to): (usize, usize),
+    normal: &Vector2<f64>,
+    config: &OutlineConfig,
+    lidar: &LidarConfig,
+) -> Vec<(usize, usize)> {
+    let telling: Vec<usize> = (from..=to).filter(|&i| matches!(rows[i].says, Says::Plate | Says::Post)).collect();
     let ends = |&i: &usize| {
-        let row = rows[i];
+        let Told { row, says, hidden_cost } = rows[i];
         let (cosine, between_m) = (row.view.dot(normal), lidar.azimuth_step_rad * row.range_m);
         // From behind, left is right.
         let to_plate = cosine.signum() / cosine.abs().max(0.3);
@@ -138,7 +160,8 @@ fn each_plate(
             // An end lies anywhere between two beams.
             sigma_m: config.noise_m.hypot(between_m / 12.0_f64.sqrt()),
             width_sigma_m: config.pose_m.hypot(between_m / 6.0_f64.sqrt()),
-            is_bare: says(row, axis, config) == Says::Post,
+            is_bare: says == Says::Post,
+            most_cost: hidden_cost,
         }
     };
     let ends: Vec<Ends> = telling.iter().map(ends).collect();
@@ -158,13 +181,13 @@ const MARGIN_M: f64 = 0.3;
 /// Runs of long rows, first and last index: the most likely sequence of plate
 /// and bare post (Viterbi 1967), where every row that does not fit costs 1 and
 /// every edge `edge_cost`.
-fn segments(rows: &[&Row], axis: &Axis, config: &OutlineConfig) -> Vec<(usize, usize)> {
+fn segments(rows: &[Told<'_>], config: &OutlineConfig) -> Vec<(usize, usize)> {
     let mut cost = [0.0, config.edge_cost];
     let mut came_from: Vec<[usize; 2]> = Vec::with_capacity(rows.len());
-    for row in rows {
-        let misfit = match says(row, axis, config) {
+    for told in rows {
+        let misfit = match told.says {
             Says::Plate | Says::PartOfPlate => [1.0, 0.0],
-            Says::Post => [0.0, 1.0],
+            Says::Post => [0.0, told.hidden_cost],
             Says::Nothing => [0.0, 0.0],
         };
         let mut next = [0.0; 2];
@@ -211,7 +234,7 @@ fn plane(rows: &[&Row]) -> Option<(Vector2<f64>, f64)> {
 }
 
 fn plate(
-    rows: &[&Row],
+    rows: &[Told<'_>],
     (from, to): (usize, usize),
     axis: &Axis,
     cloud: &Cloud,
@@ -219,7 +242,7 @@ fn plate(
     lidar: &LidarConfig,
 ) -> Option<Plate> {
     let of = |what: &dyn Fn(Says) -> bool| -> Vec<&Row> {
-        rows[from..=to].iter().copied().filter(|r| what(says(r, axis, config))).collect()
+        rows[from..=to].iter().filter(|t| what(t.says)).map(|t| t.row).collect()
     };
     let long = of(&|s| s == Says::Plate);
     let on = of(&|s| matches!(s, Says::Plate | Says::PartOfPlate));
@@ -253,11 +276,10 @@ fn plate(
             .map(|(_, step)| step.recip())
             .sum()
     };
-    let ceiling = |r: &Row| cloud.sensors[usize::from(r.scan)].view_along(&r.view, r.range_m, lidar).ceiling(lidar);
-    let above = beams(&|r, step| ceiling(r) > highest.height + 0.5 * step);
+    let above = beams(&|r, step| ceiling(r, cloud, lidar) > highest.height + 0.5 * step);
     let below = beams(&|_, _| true);
-    let is_post = |r: &&&Row| says(r, axis, config) == Says::Post;
-    let next = |row: Option<&&Row>, edge: f64| row.map_or(f64::INFINITY, |r| (r.height - edge).abs());
+    let is_post = |t: &&Told<'_>| t.says == Says::Post;
+    let next = |told: Option<&Told<'_>>, edge: f64| told.map_or(f64::INFINITY, |t| (t.row.height - edge).abs());
     let bottom = Edge::new(below, next(rows[..from].iter().rev().find(is_post), lowest.height));
     let top = Edge::new(above, next(rows[to + 1..].iter().find(is_post), highest.height));
     let low = lowest.height - bottom.beyond_m;

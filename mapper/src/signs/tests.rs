@@ -117,6 +117,16 @@ fn two_plates_with_a_gap_of_a_hand_are_two() {
 }
 
 #[test]
+fn leaves_far_below_a_board_without_a_post_are_none_of_it() {
+    let mut post = Post::new(5.0, 56.0);
+    post.board(0.8, (2.1, 2.7), 0.05, [Some(SHEETING), Some(METAL)]);
+    post.board(0.3, (1.7, 1.74), 0.05, [Some(METAL), Some(METAL)]);
+    let signs = post.found_on(&[]);
+    assert_eq!(signs.len(), 1, "{signs:?}");
+    assert!((signs[0].centroid.y - (CAMERA_HEIGHT_M - 2.4)).abs() < 0.05, "{:?}", signs[0]);
+}
+
+#[test]
 fn a_dark_box_before_a_mast_is_a_light_and_a_low_one_is_not() {
     let boxed = |heights_m: (f64, f64)| {
         let mut post = Post::new(5.0, 40.0);

@@ -76,11 +76,12 @@ pub struct OutlineConfig {
     /// Share of a plate's rows that are odd for reasons of their own, as those are
     /// from far behind: two plates without a gap must explain more than these.
     pub odd_share: f64,
-    /// Before any is seen, a scan's rows are as likely hidden as if this many had
-    /// been, and `odd_share` of them were: about one beam in five tells of leaves.
+    /// Rows of one scan that weigh as much as what is known of all scans, that
+    /// `odd_share` of a plate's rows are hidden: a second one among five is no
+    /// accident, leaves hide the plate from there.
     pub telling_rows: f64,
-    /// Most beams that may have missed a plate between two that hit it, as many
-    /// as they are expected to be: behind leaves several in a row do.
+    /// Most beams that are expected on a plate between two rows and left no hit
+    /// there: leaves hide several in a row, not this many from all scans.
     pub most_missed: f64,
     /// What a row costs of which only one end is where a plate's is, as the other
     /// is hidden: three such are as odd as one that fits nowhere.

@@ -82,7 +82,7 @@ pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
-            eprintln!("localizer: {error}");
+            common::output::print_error(error);
             ExitCode::from(2)
         }
     }

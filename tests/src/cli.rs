@@ -20,7 +20,7 @@ pub fn ended<E: Display>(result: Result<(), E>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            common::output::print_error(error);
             ExitCode::from(2)
         }
     }

@@ -13,7 +13,6 @@ mod validate;
 mod views;
 
 use std::ffi::OsString;
-use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -130,8 +129,7 @@ where
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::Failed) => ExitCode::from(FAILED),
         Err(error) => {
-            // As with `print`: whoever closed the stream does not want it.
-            let _ = writeln!(std::io::stderr(), "error: {error}");
+            common::output::print_error(error);
             ExitCode::from(USAGE)
         }
     }

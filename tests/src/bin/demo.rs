@@ -31,7 +31,7 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let started = Instant::now();
     if let Err(error) = std::fs::create_dir_all(&arguments.out) {
-        eprintln!("error: {}: {error}; give another --out", arguments.out.display());
+        common::output::print_error(format!("{}: {error}; give another --out", arguments.out.display()));
         return ExitCode::from(2);
     }
     let files = Files::within(&arguments.out);

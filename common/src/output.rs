@@ -9,7 +9,7 @@ pub fn print(text: &str) {
 }
 
 /// Writes why a program ends early to the error stream, as one sentence after
-/// `error: `, in all programs alike. As with [`print`], a reader may be gone.
+/// `error: `, in all programs alike. As with [`print()`], a reader may be gone.
 pub fn print_error(error: impl std::fmt::Display) {
     let _ = writeln!(std::io::stderr(), "error: {error}");
 }

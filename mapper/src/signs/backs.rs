@@ -56,25 +56,10 @@ fn is_back(plate: &Plate, rows: &[Row], all: &[Plate], config: &SignConfig) -> b
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix2, Point2, Point3, Vector2};
+    use nalgebra::{Point3, Vector2};
 
     use super::*;
-
-    fn row(height: f64, width_m: f64) -> Row {
-        Row {
-            scan: 0,
-            range_m: 12.0,
-            height,
-            above_ground_m: height,
-            view: Vector2::y(),
-            span_m: (-width_m / 2.0, width_m / 2.0),
-            middle: Point2::origin(),
-            scatter: Matrix2::zeros(),
-            hits: Vec::new(),
-            reflectance: 0.4,
-            brightest: 0.4,
-        }
-    }
+    use crate::signs::rows::row_across;
 
     /// Whether what is so wide, on a post so wide, passes for the back of a sign.
     fn is_sign(width_m: f64, post_m: f64) -> bool {
@@ -97,8 +82,8 @@ mod tests {
         };
         let heights = |from: f64, count: i32| (0..count).map(move |k| from + 0.05 * f64::from(k));
         let rows: Vec<Row> = heights(0.9, 18)
-            .map(|height| row(height, post_m))
-            .chain(heights(1.81, 12).map(|height| row(height, width_m)))
+            .map(|height| row_across(0, height, post_m))
+            .chain(heights(1.81, 12).map(|height| row_across(0, height, width_m)))
             .collect();
         is_back(&plate, &rows, std::slice::from_ref(&plate), &SignConfig::default())
     }

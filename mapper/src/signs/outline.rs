@@ -111,11 +111,8 @@ fn unbroken(
     config: &OutlineConfig,
     lidar: &LidarConfig,
 ) -> Vec<(usize, usize)> {
-    let is_on = |i: &usize| matches!(rows[*i].says, Says::Plate | Says::PartOfPlate);
-    let on: Vec<usize> = (from..=to).filter(is_on).collect();
-    let mut scans: Vec<&Row> = on.iter().map(|&i| rows[i].row).collect();
-    scans.sort_by_key(|row| row.scan);
-    scans.dedup_by_key(|row| row.scan);
+    let on: Vec<usize> = (from..=to).filter(|&i| rows[i].says.is_plate()).collect();
+    let scans = lowest_of_scans(on.iter().map(|&i| rows[i].row));
     let beams = |low: f64, high: f64| -> f64 {
         let of_scan = |row: &&Row| {
             (high.min(ceiling(row, cloud, lidar)) - low).max(0.0) / (row.range_m * lidar.elevation_step_rad)
@@ -134,6 +131,14 @@ fn unbroken(
     parts
 }
 
+/// The first, and so the lowest, row of each scan.
+fn lowest_of_scans<'a>(rows: impl Iterator<Item = &'a Row>) -> Vec<&'a Row> {
+    let mut lowest: Vec<&Row> = rows.collect();
+    lowest.sort_by_key(|row| row.scan);
+    lowest.dedup_by_key(|row| row.scan);
+    lowest
+}
+
 /// Height up to which the scan of a row sees there, along -y of the map, metres.
 fn ceiling(row: &Row, cloud: &Cloud, lidar: &LidarConfig) -> f64 {
     cloud.sensors[usize::from(row.scan)].view_along(&row.view, row.range_m, lidar).ceiling(lidar)
@@ -149,7 +154,7 @@ fn each_plate(
 ) -> Vec<(usize, usize)> {
     let telling: Vec<usize> = (from..=to).filter(|&i| matches!(rows[i].says, Says::Plate | Says::Post)).collect();
     let ends = |&i: &usize| {
-        let Told { row, says, hidden_cost } = rows[i];
+        let Told { row, says, weight } = rows[i];
         let (cosine, between_m) = (row.view.dot(normal), lidar.azimuth_step_rad * row.range_m);
         // From behind, left is right.
         let to_plate = cosine.signum() / cosine.abs().max(0.3);
@@ -161,7 +166,7 @@ fn each_plate(
             sigma_m: config.noise_m.hypot(between_m / 12.0_f64.sqrt()),
             width_sigma_m: config.pose_m.hypot(between_m / 6.0_f64.sqrt()),
             is_bare: says == Says::Post,
-            most_cost: hidden_cost,
+            weight,
         }
     };
     let ends: Vec<Ends> = telling.iter().map(ends).collect();
@@ -179,15 +184,15 @@ fn each_plate(
 const MARGIN_M: f64 = 0.3;
 
 /// Runs of long rows, first and last index: the most likely sequence of plate
-/// and bare post (Viterbi 1967), where every row that does not fit costs 1 and
-/// every edge `edge_cost`.
+/// and bare post (Viterbi 1967), where every row that does not fit costs its
+/// weight and every edge `edge_cost`.
 fn segments(rows: &[Told<'_>], config: &OutlineConfig) -> Vec<(usize, usize)> {
     let mut cost = [0.0, config.edge_cost];
     let mut came_from: Vec<[usize; 2]> = Vec::with_capacity(rows.len());
     for told in rows {
         let misfit = match told.says {
             Says::Plate | Says::PartOfPlate => [1.0, 0.0],
-            Says::Post => [0.0, told.hidden_cost],
+            Says::Post => [0.0, told.weight],
             Says::Nothing => [0.0, 0.0],
         };
         let mut next = [0.0; 2];
@@ -245,7 +250,7 @@ fn plate(
         rows[from..=to].iter().filter(|t| what(t.says)).map(|t| t.row).collect()
     };
     let long = of(&|s| s == Says::Plate);
-    let on = of(&|s| matches!(s, Says::Plate | Says::PartOfPlate));
+    let on = of(&Says::is_plate);
     let (normal, thickness_m) = plane(&long)?;
     let (lowest, highest) = (on.first()?, on.last()?);
     let across = Vector2::new(-normal.y, normal.x);
@@ -264,13 +269,10 @@ fn plate(
     let aside_m = weighted(&|r| (r.middle.coords - origin).dot(&across))?;
     let before_m = weighted(&|r| (r.middle.coords - origin).dot(&normal))?;
 
-    let mut scans: Vec<u16> = on.iter().map(|r| r.scan).collect();
-    scans.sort_unstable();
-    scans.dedup();
+    let scans = lowest_of_scans(on.iter().copied());
     let beams = |reaches: &dyn Fn(&Row, f64) -> bool| -> f64 {
         scans
             .iter()
-            .filter_map(|s| on.iter().find(|r| r.scan == *s))
             .map(|r| (r, r.range_m * lidar.elevation_step_rad))
             .filter(|(r, step)| reaches(r, *step))
             .map(|(_, step)| step.recip())

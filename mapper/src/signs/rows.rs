@@ -183,3 +183,21 @@ fn row(hits: &[&Hit], view: Vector2<f64>, range_m: f64) -> Option<Row> {
         brightest: hits.iter().map(|h| h.point.reflectance).fold(0.0, f32::max),
     })
 }
+
+/// A row of a scan 12 m away, so long, in the middle of its post at the origin.
+#[cfg(test)]
+pub fn row_across(scan: u16, height: f64, width_m: f64) -> Row {
+    Row {
+        scan,
+        range_m: 12.0,
+        height,
+        above_ground_m: height,
+        view: Vector2::y(),
+        span_m: (-width_m / 2.0, width_m / 2.0),
+        middle: Point2::origin(),
+        scatter: Matrix2::zeros(),
+        hits: Vec::new(),
+        reflectance: 0.4,
+        brightest: 0.4,
+    }
+}

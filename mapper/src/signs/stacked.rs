@@ -28,8 +28,8 @@ pub struct Ends {
     pub width_sigma_m: f64,
     /// It shows the bare post.
     pub is_bare: bool,
-    /// What it costs where it fits nowhere, up to 1.
-    pub most_cost: f64,
+    /// How much it counts, up to 1.
+    pub weight: f64,
 }
 
 /// Where the rows of one run (ascending heights) are those of several plates: the
@@ -137,7 +137,7 @@ fn rows_cost(edges: &[Edge<'_>], hidden: f64, off_m: impl Fn(&Edge<'_>) -> f64) 
         let nearer_m = offs_m[0].abs().min(offs_m[1].abs());
         as_whole.min(hidden + (1.0 - hidden) * misfit(nearer_m, row.sigma_m))
     };
-    edges.chunks_exact(2).map(|ends| of_row(ends) * ends[0].row.most_cost).sum()
+    edges.chunks_exact(2).map(|ends| of_row(ends) * ends[0].row.weight).sum()
 }
 
 /// The cost of edges whose distance from the middle changes evenly with `x` of
@@ -227,7 +227,7 @@ mod tests {
                     sigma_m: 0.03_f64.hypot(between_m / 12.0_f64.sqrt()),
                     width_sigma_m: 0.015_f64.hypot(between_m / 6.0_f64.sqrt()),
                     is_bare: false,
-                    most_cost: 1.0,
+                    weight: 1.0,
                 }
             })
             .collect();

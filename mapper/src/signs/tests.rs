@@ -117,6 +117,17 @@ fn two_plates_with_a_gap_of_a_hand_are_two() {
 }
 
 #[test]
+fn bright_points_of_a_part_hide_no_plate_of_which_its_post_tells_all() {
+    let mut post = Post::new(5.0, 56.0);
+    // Its front is sheeting at its lower edge only.
+    post.board(0.6, (2.2, 2.4), 0.05, [Some(SHEETING), Some(METAL)]);
+    post.board(0.6, (2.4, 2.8), 0.05, [Some(METAL), Some(METAL)]);
+    let signs = post.found(2.1);
+    assert_eq!(signs.len(), 1, "{signs:?}");
+    assert!((signs[0].centroid.y - (CAMERA_HEIGHT_M - 2.5)).abs() < 0.05, "{:?}", signs[0]);
+}
+
+#[test]
 fn leaves_far_below_a_board_without_a_post_are_none_of_it() {
     let mut post = Post::new(5.0, 56.0);
     post.board(0.8, (2.1, 2.7), 0.05, [Some(SHEETING), Some(METAL)]);

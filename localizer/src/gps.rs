@@ -83,17 +83,6 @@ impl GpsFix {
         };
         (is_near(0) && is_near(2)).then_some([off.x, off.z])
     }
-
-    /// Half the squared Mahalanobis distance of a pose from the fix.
-    pub fn surprise(&self, map_from_camera: &Pose) -> f64 {
-        let off = map_from_camera.translation.vector - self.position_map.coords;
-        let mut square = (off.x * off.x + off.z * off.z) / self.horizontal_sigma_m.powi(2).max(1e-12);
-        if let Some((yaw_rad, sigma_rad)) = self.heading {
-            let (sin, cos) = (PoseParameters::from_pose(map_from_camera).yaw_rad - yaw_rad).sin_cos();
-            square += (sin.atan2(cos) / sigma_rad.max(1e-9)).powi(2);
-        }
-        0.5 * square
-    }
 }
 
 /// Fixes with Gaussian noise on true poses: the same for the same seed.

@@ -31,7 +31,6 @@ use crate::associate::robust::{Associator, Refined};
 use crate::config::Config;
 use crate::estimate::{PoseEstimate, Status};
 use crate::features::Features;
-use crate::filter::State;
 use crate::gps::GpsFix;
 use crate::local_map::LocalMap;
 use crate::odometry::Odometry;
@@ -40,6 +39,7 @@ use crate::preselect::{Candidates, Lookup, Reach};
 use crate::projection::ImageSize;
 use crate::start::Search;
 use hypothesis::Hypothesis;
+use region::Region;
 
 /// What one frame brings.
 #[derive(Debug, Clone, Copy)]
@@ -87,9 +87,7 @@ pub struct Tracker<'a> {
     spare: Vec<Hypothesis>,
     last_time_s: Option<f64>,
     /// Where the camera must be by GPS and by the last trusted pose.
-    region: Option<State>,
-    /// Fixes in a row that lie outside of the region.
-    refused_fixes: usize,
+    region: Region,
     /// How well the times of the images are kept.
     clock: Clock,
     /// What was made of the last frame.
@@ -114,8 +112,7 @@ impl<'a> Tracker<'a> {
             bank: Vec::new(),
             spare: Vec::new(),
             last_time_s: None,
-            region: None,
-            refused_fixes: 0,
+            region: Region::default(),
             clock: Clock::default(),
             verdict: None,
             unfollowed_s: f64::INFINITY,
@@ -175,6 +172,7 @@ impl<'a> Tracker<'a> {
             if let Some(fix) = gps.filter(|_| self.config.gps.fuse) {
                 hypothesis.constrain_to_fix(fix, &self.config.gps);
             }
+            hypothesis.compare(&self.region, &self.config);
         }
     }
 
@@ -215,7 +213,7 @@ impl<'a> Tracker<'a> {
         let scene = self.sight.scene(&self.config);
         let mut jumps = Vec::new();
         for hypothesis in &mut self.bank {
-            if let Some(jump) = hypothesis.observe(&scene, &mut self.associator, gps, &self.config) {
+            if let Some(jump) = hypothesis.observe(&scene, &mut self.associator, &self.config) {
                 jumps.push(Hypothesis::beside(hypothesis, &jump, self.config.bank.jump_cost));
             }
         }
@@ -255,7 +253,7 @@ impl<'a> Tracker<'a> {
         if sure || self.sight.features.is_empty() {
             return Ok(false);
         }
-        let Some(region) = self.region.clone() else { return Ok(false) };
+        let Some(region) = self.region.searched(&self.config.gps).cloned() else { return Ok(false) };
         let rough = region::rough_of(&region, &self.config);
         let reach = Reach {
             position_m: self.config.start.reach_sigmas * rough.sigmas[0].hypot(rough.sigmas[2]),
@@ -292,7 +290,8 @@ impl<'a> Tracker<'a> {
     }
 
     /// Adds a hypothesis unless one like it is tracked already.
-    fn add(&mut self, newcomer: Hypothesis) {
+    fn add(&mut self, mut newcomer: Hypothesis) {
+        newcomer.compare(&self.region, &self.config);
         if !self.bank.iter().any(|known| known.is_like(&newcomer, &self.config.bank)) {
             self.bank.push(newcomer);
         }
@@ -366,7 +365,7 @@ impl<'a> Tracker<'a> {
         if verdict.is_followed {
             self.unfollowed_s = 0.0;
             // Should it be lost from here on, it is searched around here.
-            self.region = Some(best.state.clone());
+            self.region.trust(&best.state);
         }
         let alone = std::slice::from_ref(best);
         let said = if status == Status::Ok { alone } else { self.bank.as_slice() };

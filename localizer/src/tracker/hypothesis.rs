@@ -5,6 +5,7 @@ use nalgebra::{Cholesky, Point3};
 use serde::{Deserialize, Serialize};
 
 use super::clock::Interval;
+use super::region::Region;
 use crate::associate::matching::Scene;
 use crate::associate::robust::{Associator, Question, Refined};
 use crate::associate::separation::Separation;
@@ -50,7 +51,9 @@ pub struct BankConfig {
     /// motion leads through some that show little. Before, a newcomer pays as a
     /// jump does.
     pub trust_memory_s: f64,
-    /// What a jump of the best pose pays, nats.
+    /// What a jump of the best pose pays at first, nats: 8 says that one pose in
+    /// 3,000 does. Where it jumped from goes on to speak against it
+    /// ([`Self::most_astray`]).
     pub jump_cost: f64,
     /// Evidence by which the weight falls to 37 % in the mean that is said where
     /// no hypothesis is ok, nats. More than 1, for frames see the same landmarks
@@ -59,9 +62,12 @@ pub struct BankConfig {
     /// Half the squared Mahalanobis distance from the prediction above which
     /// matches are not believed: 11.2 is 99.9 % for six degrees of freedom.
     pub max_innovation: f64,
-    /// Evidence of a GPS fix against a pose is bounded by this, nats: some
-    /// fixes are metres off.
+    /// What roads, springs and wheels say against a pose in one frame is bounded
+    /// by this, nats: some of it may be wrong.
     pub max_surprise: f64,
+    /// What the last trusted pose, driven on, and fixes say against a pose is
+    /// bounded by this, nats: that pose may have been wrong.
+    pub most_astray: f64,
     /// A pose costs nothing up to this distance from the survey's path, metres:
     /// two lanes and a pavement.
     pub road_m: f64,
@@ -92,10 +98,11 @@ impl Default for BankConfig {
             prune_margin: 30.0,
             newcomer_cost: 5.0,
             trust_memory_s: 3.0,
-            jump_cost: 15.0,
+            jump_cost: 8.0,
             doubt: 3.0,
             max_innovation: 11.2,
             max_surprise: 8.0,
+            most_astray: 25.0,
             road_m: 9.0,
             off_road_sigma_m: 2.0,
             alike_m: 0.4,
@@ -130,6 +137,9 @@ pub struct Hypothesis {
     /// What it has to make up for, because it was not tracked from the start
     /// or jumped, nats. It fades, too, but slowly.
     pub handicap: f64,
+    /// What the region speaks against it, nats: the last trusted pose, driven on,
+    /// and fixes.
+    pub astray: f64,
     /// Frames that it was tracked for.
     pub age_frames: usize,
     /// Frames in a row that it has been the best.
@@ -200,6 +210,7 @@ impl Hypothesis {
             past_weight,
             interval: None,
             handicap,
+            astray: 0.0,
             age_frames: 0,
             led_frames: 0,
             weak_frames: 0,
@@ -224,7 +235,18 @@ impl Hypothesis {
         self.iterations = refined.iterations;
         self.converged = refined.converged;
         self.evidence = refined.support + refined.occam - surprise;
-        self.log_weight = self.past_weight + self.evidence - self.handicap;
+        self.weigh();
+    }
+
+    /// Sums up what speaks for it.
+    fn weigh(&mut self) {
+        self.log_weight = self.past_weight + self.evidence - self.handicap - self.astray;
+    }
+
+    /// Takes in how far it lies from where the camera must be.
+    pub fn compare(&mut self, region: &Region, config: &Config) {
+        self.astray = region.against(&self.state, &config.gps, config.bank.most_astray);
+        self.weigh();
     }
 
     /// Both tell the same.
@@ -326,7 +348,7 @@ impl Hypothesis {
         self.separation = Separation::default();
         (self.support, self.evidence, self.mean_square, self.rms_px) = (0.0, 0.0, 0.0, 0.0);
         (self.iterations, self.converged) = (0, false);
-        self.log_weight = self.past_weight - self.handicap;
+        self.weigh();
         self.weak_frames += 1;
     }
 
@@ -334,13 +356,7 @@ impl Hypothesis {
     /// that are not worth the motion that they ask for are not believed: then
     /// the prediction stands, and the pose they ask for is returned, to be
     /// tracked as a jump.
-    pub fn observe(
-        &mut self,
-        scene: &Scene<'_>,
-        associator: &mut Associator,
-        gps: Option<&GpsFix>,
-        config: &Config,
-    ) -> Option<Refined> {
+    pub fn observe(&mut self, scene: &Scene<'_>, associator: &mut Associator, config: &Config) -> Option<Refined> {
         self.correspondences.clear();
         let covariance = self.state.pose_covariance();
         let predicted = self.state.map_from_camera;
@@ -356,8 +372,7 @@ impl Hypothesis {
         let refined = associator.refine_predicted(&question, &config.separation)?;
         let beyond = (self.off_road_m - config.bank.road_m).max(0.0) / config.bank.off_road_sigma_m;
         let off_road = (0.5 * beyond * beyond).min(config.bank.max_surprise);
-        let against = off_road + self.state.surprise.min(config.bank.max_surprise);
-        let surprise = |pose| gps.map_or(0.0, |fix| fix.surprise(pose)).min(config.bank.max_surprise) + against;
+        let unlikely = off_road + self.state.surprise.min(config.bank.max_surprise);
         if refined.gain < 0.0 || refined.prior_cost > config.bank.max_innovation {
             self.mean_square = 0.0;
             self.separation = Separation::default();
@@ -365,12 +380,12 @@ impl Hypothesis {
             self.iterations = refined.iterations;
             self.converged = refined.converged;
             self.support = refined.support - refined.worth;
-            self.evidence = self.support - surprise(&predicted);
-            self.log_weight = self.past_weight + self.evidence - self.handicap;
+            self.evidence = self.support - unlikely;
+            self.weigh();
             self.weak_frames += 1;
             return (refined.matches > 0).then_some(refined);
         }
-        self.take(&refined, refined.prior_cost + surprise(&refined.map_from_camera));
+        self.take(&refined, refined.prior_cost + unlikely);
         // In its first frame the speed of one that was just found is a guess.
         if self.age_frames >= 2 {
             self.interval = Some(Interval::new(&self.state, &refined));

@@ -13,10 +13,11 @@ pub fn mean_of(bank: &[Hypothesis], doubt: f64) -> Option<(Pose, Matrix6<f64>)> 
     let pose = best.state.map_from_camera;
     let (mut total, mut mean, mut square) = (0.0, Tangent::zeros(), Matrix6::zeros());
     for hypothesis in bank {
-        // What it has to make up for is no evidence: that counts in full.
-        let evidence = |of: &Hypothesis| of.log_weight + of.handicap;
+        // What was known before is no evidence: that counts in full.
+        let before = |of: &Hypothesis| of.handicap + of.astray;
+        let evidence = |of: &Hypothesis| of.log_weight + before(of);
         let ahead = (evidence(hypothesis) - evidence(best)) / doubt.max(1e-3);
-        let weight = (ahead - hypothesis.handicap + best.handicap).exp();
+        let weight = (ahead - before(hypothesis) + before(best)).exp();
         let off = local(&pose, &hypothesis.state.map_from_camera);
         total += weight;
         mean += off * weight;

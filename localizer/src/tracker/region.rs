@@ -2,41 +2,97 @@
 //! whatever is tracked: where it is searched for.
 
 use common::geometry::{Tangent, local};
-use nalgebra::{Matrix6, Point3, Vector6};
+use nalgebra::{Cholesky, Matrix3, Matrix6, Point3, Vector3, Vector6};
 
 use super::{FrameInput, Tracker};
 use crate::Result;
 use crate::config::Config;
 use crate::filter::State;
-use crate::gps::GpsFix;
+use crate::gps::{GpsConfig, GpsFix};
 use crate::start::{Rough, keep_on_road};
+
+/// Where the camera is by the last trusted pose and by fixes.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Region {
+    /// The last trusted pose, or the first fix, driven on, with the fixes that
+    /// agree with it.
+    trusted: Option<State>,
+    /// What fixes say that do not. Reflections hold for some of them, and a pose
+    /// that was trusted may be wrong: then the camera may be in either place.
+    told: Option<State>,
+    /// Fixes in a row that do not agree.
+    refused_fixes: usize,
+}
+
+impl Region {
+    /// Begins again at a pose that is trusted.
+    pub fn trust(&mut self, state: &State) {
+        *self = Self { trusted: Some(state.clone()), ..Self::default() };
+    }
+
+    /// Where to search: where the fixes say, once enough of them contradict what
+    /// was trusted.
+    pub fn searched(&self, gps: &GpsConfig) -> Option<&State> {
+        self.contradicting(gps).or(self.trusted.as_ref())
+    }
+
+    fn contradicting(&self, gps: &GpsConfig) -> Option<&State> {
+        self.told.as_ref().filter(|_| self.refused_fixes >= gps.believed_after)
+    }
+
+    /// What speaks against a state, nats: half the squared Mahalanobis distance in
+    /// the plane and in heading from the nearer of the places, but no more than
+    /// `most`.
+    pub fn against(&self, state: &State, gps: &GpsConfig, most: f64) -> f64 {
+        let places = self.trusted.iter().chain(self.contradicting(gps));
+        places.map(|place| half_distance2(place, state)).reduce(f64::min).map_or(0.0, |nats| nats.min(most))
+    }
+
+    fn drive(&mut self, mut drive: impl FnMut(&mut State)) {
+        self.trusted.iter_mut().chain(&mut self.told).for_each(&mut drive);
+    }
+
+    fn take(&mut self, fix: &GpsFix, rough: &Rough, config: &Config) {
+        let agrees = |place: &State| fix.offset(place, &config.gps).is_some();
+        match &mut self.trusted {
+            Some(trusted) if agrees(trusted) => {
+                take_in(trusted, rough);
+                (self.told, self.refused_fixes) = (None, 0);
+            }
+            Some(_) => {
+                self.refused_fixes += 1;
+                match &mut self.told {
+                    Some(told) if agrees(told) => take_in(told, rough),
+                    told => *told = Some(unknown_speed(rough, config)),
+                }
+            }
+            trusted => *trusted = Some(unknown_speed(rough, config)),
+        }
+    }
+}
+
+/// Takes a fix in. What a receiver is off by lasts: more fixes do not tell more.
+fn take_in(place: &mut State, rough: &Rough) {
+    let off = local(&place.map_from_camera, &rough.map_from_camera);
+    for component in [0, 2, 4] {
+        place.constrain(component, off[component], rough.sigmas[component]);
+    }
+}
 
 impl Tracker<'_> {
     /// Keeps the region up in which the camera is, whatever is tracked.
     pub(super) fn follow_region(&mut self, dt_s: f64, input: &FrameInput<'_>) -> Result<()> {
-        if let Some(region) = &mut self.region {
-            *region = region.driven(dt_s, input.odometry.as_ref(), &self.config.motion, &self.config.odometry);
-            let position = Point3::from(region.map_from_camera.translation.vector);
-            let place = self.map.nearest_path(&self.sight.candidates.roads, &position);
-            if let Some(place) = place {
-                keep_on_road(region, &place, &self.config.start);
+        let config = &self.config;
+        self.region.drive(|place| {
+            *place = place.driven(dt_s, input.odometry.as_ref(), &config.motion, &config.odometry);
+            let position = Point3::from(place.map_from_camera.translation.vector);
+            if let Some(path) = self.map.nearest_path(&self.sight.candidates.roads, &position) {
+                keep_on_road(place, &path, &config.start);
             }
-        }
-        let Some(fix) = input.gps else { return Ok(()) };
-        let rough = self.rough_from(fix)?;
-        let is_refused = self.region.as_ref().is_some_and(|region| fix.offset(region, &self.config.gps).is_none());
-        self.refused_fixes = if is_refused { self.refused_fixes + 1 } else { 0 };
-        if is_refused && self.refused_fixes < self.config.gps.believed_after {
-            return Ok(());
-        }
-        match &mut self.region {
-            Some(region) if !is_refused => {
-                let off = local(&region.map_from_camera, &rough.map_from_camera);
-                for component in [0, 2, 4] {
-                    region.measure(component, off[component], rough.sigmas[component]);
-                }
-            }
-            _ => self.region = Some(unknown_speed(&rough, &self.config)),
+        });
+        if let Some(fix) = input.gps {
+            let rough = self.rough_from(fix)?;
+            self.region.take(fix, &rough, &self.config);
         }
         Ok(())
     }
@@ -53,6 +109,19 @@ impl Tracker<'_> {
             &self.config.start,
         ))
     }
+}
+
+/// Half the squared Mahalanobis distance of two states in the plane and in
+/// heading, both as uncertain as they are.
+fn half_distance2(a: &State, b: &State) -> f64 {
+    const OF_ROAD: [usize; 3] = [0, 2, 4];
+    let off = local(&a.map_from_camera, &b.map_from_camera);
+    let off = Vector3::from_fn(|i, _| off[OF_ROAD[i]]);
+    let both = Matrix3::from_fn(|i, j| {
+        let at = (OF_ROAD[i], OF_ROAD[j]);
+        a.covariance[at] + b.covariance[at]
+    });
+    Cholesky::new(both).map_or(0.0, |factor| 0.5 * off.dot(&factor.solve(&off)))
 }
 
 /// The state of a camera of which only a rough pose is known.
@@ -84,4 +153,57 @@ pub(super) fn rough_of(region: &State, config: &Config) -> Rough {
         own[(i, i)].max(0.0).sqrt().min(most).max(least[i])
     });
     Rough { map_from_camera: region.map_from_camera, sigmas }
+}
+
+#[cfg(test)]
+mod tests {
+    use common::geometry::{Pose, retract};
+
+    use super::*;
+
+    const MOST: f64 = 25.0;
+
+    /// A fix so far to the right of where the region begins, and what it says.
+    fn fix(right_m: f64) -> (GpsFix, Rough) {
+        let position_map = Point3::new(right_m, 0.0, 0.0);
+        let fix = GpsFix { position_map, horizontal_sigma_m: 1.5, heading: Some((0.0, 0.03)) };
+        let map_from_camera = retract(&Pose::identity(), &(Tangent::x() * right_m));
+        (fix, Rough { map_from_camera, sigmas: Vector6::new(1.5, 0.2, 1.5, 0.03, 0.03, 0.03) })
+    }
+
+    fn told(region: &mut Region, right_m: f64, times: usize, config: &Config) {
+        let (fix, rough) = fix(right_m);
+        (0..times).for_each(|_| region.take(&fix, &rough, config));
+    }
+
+    #[test]
+    fn more_fixes_of_one_receiver_do_not_tell_more() {
+        let (mut region, config) = (Region::default(), Config::default());
+        told(&mut region, 0.0, 30, &config);
+        let variance_m2 = region.trusted.as_ref().unwrap().covariance[(0, 0)];
+        assert!((1.0..2.3).contains(&variance_m2), "{variance_m2}");
+    }
+
+    #[test]
+    fn where_fixes_contradict_what_was_trusted_both_may_be_right() {
+        let (mut region, config) = (Region::default(), Config::default());
+        let at = |right_m: f64| {
+            let mut state = unknown_speed(&fix(right_m).1, &config);
+            state.sharpen(0, 0.1);
+            state
+        };
+        let (here, there) = (at(0.0), at(20.0));
+        region.trust(&here);
+        let against = |region: &Region, state: &State| region.against(state, &config.gps, MOST);
+        told(&mut region, 20.0, config.gps.believed_after - 1, &config);
+        assert!(against(&region, &here) < 1e-9 && (against(&region, &there) - MOST).abs() < 1e-9);
+        assert_eq!(region.searched(&config.gps), Some(&here));
+        told(&mut region, 20.0, 1, &config);
+        assert!(against(&region, &here) < 1e-9 && against(&region, &there) < 1.0);
+        let searched = region.searched(&config.gps).unwrap().map_from_camera;
+        assert!((searched.translation.x - 20.0).abs() < 1e-6);
+        // One that agrees again says that the others were reflections.
+        told(&mut region, 0.5, 1, &config);
+        assert!((against(&region, &there) - MOST).abs() < 1e-9);
+    }
 }

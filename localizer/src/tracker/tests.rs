@@ -199,6 +199,26 @@ fn who_was_just_trusted_is_not_lost() {
 }
 
 #[test]
+fn what_slides_away_from_the_trusted_pose_pays_for_all_of_the_way() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let mut tracker = followed(&world, &mut map);
+    let (best, most) = (tracker.bank[0].clone(), tracker.config.bank.most_astray);
+    let mut astray = |right_m: f64| {
+        let mut moved = best.clone();
+        moved.state.map_from_camera = retract(&best.state.map_from_camera, &(Tangent::x() * right_m));
+        tracker.bank.clear();
+        tracker.add(moved);
+        let added = &tracker.bank[0];
+        assert!((added.log_weight + added.astray - best.log_weight - best.astray).abs() < 1e-9);
+        added.astray
+    };
+    let costs: Vec<f64> = [0.0, 0.1, 0.2, 4.0, 40.0].into_iter().map(&mut astray).collect();
+    assert!(costs.is_sorted() && costs[0] < 0.1 && costs[1] > costs[0] && costs[2] > 2.0 * costs[1], "{costs:?}");
+    assert!((costs[3] - most).abs() < 1e-9 && (costs[4] - most).abs() < 1e-9, "{costs:?}");
+}
+
+#[test]
 fn what_was_hidden_from_the_best_was_hidden_from_those_beside_it() {
     let world = World::new(street());
     let mut map = LocalMap::whole(world.map.clone());
@@ -284,12 +304,16 @@ fn a_start_from_fixes_that_are_worse_than_they_say_is_found() {
     }
 }
 
-fn assert_comes_back(off: Tangent, frames: usize) {
+/// All that is tracked is moved at once, and so is what was trusted, if told.
+fn assert_comes_back(off: Tangent, is_trusted: bool, frames: usize) {
     let world = World::new(street());
     let before = |frame: usize, tracker: &mut Tracker<'_>| {
         for hypothesis in tracker.bank.iter_mut().filter(|_| frame == 50) {
             let state = &mut hypothesis.state;
             state.map_from_camera = retract(&state.map_from_camera, &off);
+        }
+        if let Some(best) = tracker.bank.first().filter(|_| frame == 50 && is_trusted) {
+            tracker.region.trust(&best.state);
         }
     };
     let run = run(&world, &GpsConfig::default(), 1, &Mishap { before: &before, ..NONE });
@@ -301,14 +325,18 @@ fn assert_comes_back(off: Tangent, frames: usize) {
 #[test]
 fn the_wrong_lane_is_found_and_undone() {
     for (right_m, forward_m) in [(3.5, 0.0), (-3.5, 0.0), (0.0, 4.0), (0.0, -6.0)] {
-        assert_comes_back(Tangent::new(right_m, 0.0, forward_m, 0.0, 0.0, 0.0), 15);
+        let off = Tangent::new(right_m, 0.0, forward_m, 0.0, 0.0, 0.0);
+        assert_comes_back(off, false, 15);
+        assert_comes_back(off, true, 15);
     }
 }
 
 #[test]
 fn a_pose_that_is_turned_and_tilted_is_found_back() {
     for sign in [-1.0, 1.0] {
-        assert_comes_back(Tangent::new(0.9, 0.0, -1.8, 0.04, 0.09, -0.05) * sign, 3);
+        let off = Tangent::new(0.9, 0.0, -1.8, 0.04, 0.09, -0.05) * sign;
+        assert_comes_back(off, false, 3);
+        assert_comes_back(off, true, 15);
     }
 }
 

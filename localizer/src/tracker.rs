@@ -364,6 +364,8 @@ impl<'a> Tracker<'a> {
         let status = verdict.status;
         if verdict.is_followed {
             self.unfollowed_s = 0.0;
+        }
+        if verdict.well_frames > 0 {
             // Should it be lost from here on, it is searched around here.
             self.region.trust(&best.state);
         }

@@ -51,8 +51,8 @@ pub struct BankConfig {
     /// motion leads through some that show little. Before, a newcomer pays as a
     /// jump does.
     pub trust_memory_s: f64,
-    /// What a jump of the best pose pays at first, nats: 8 says that one pose in
-    /// 3,000 does. Where it jumped from goes on to speak against it
+    /// What a jump of the best pose pays at first, nats: 10 says that one pose
+    /// in 20,000 does. Where it jumped from goes on to speak against it
     /// ([`Self::most_astray`]).
     pub jump_cost: f64,
     /// Evidence by which the weight falls to 37 % in the mean that is said where
@@ -98,7 +98,7 @@ impl Default for BankConfig {
             prune_margin: 30.0,
             newcomer_cost: 5.0,
             trust_memory_s: 3.0,
-            jump_cost: 8.0,
+            jump_cost: 10.0,
             doubt: 3.0,
             max_innovation: 11.2,
             max_surprise: 8.0,
@@ -199,6 +199,8 @@ impl Hypothesis {
         let mut hypothesis = Self::blank(state, best.past_weight, handicap);
         hypothesis.speed_is_unknown = best.speed_is_unknown;
         hypothesis.take(rival, rival.prior_cost);
+        // A wrong time looks like a jump, too.
+        hypothesis.interval = best.knows_its_speed().then(|| Interval::new(&best.predicted, rival));
         hypothesis
     }
 
@@ -236,6 +238,11 @@ impl Hypothesis {
         self.converged = refined.converged;
         self.evidence = refined.support + refined.occam - surprise;
         self.weigh();
+    }
+
+    /// In its first frame the speed of one that was just found is a guess.
+    fn knows_its_speed(&self) -> bool {
+        self.age_frames >= 2
     }
 
     /// Sums up what speaks for it.
@@ -386,10 +393,7 @@ impl Hypothesis {
             return (refined.matches > 0).then_some(refined);
         }
         self.take(&refined, refined.prior_cost + unlikely);
-        // In its first frame the speed of one that was just found is a guess.
-        if self.age_frames >= 2 {
-            self.interval = Some(Interval::new(&self.state, &refined));
-        }
+        self.interval = self.knows_its_speed().then(|| Interval::new(&self.state, &refined));
         self.state.update(&refined.map_from_camera, &refined.covariance);
         let held = refined.worth >= config.health.min_worth;
         self.weak_frames = if held { 0 } else { self.weak_frames + 1 };

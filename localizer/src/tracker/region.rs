@@ -82,9 +82,10 @@ fn take_in(place: &mut State, rough: &Rough) {
 impl Tracker<'_> {
     /// Keeps the region up in which the camera is, whatever is tracked.
     pub(super) fn follow_region(&mut self, dt_s: f64, input: &FrameInput<'_>) -> Result<()> {
-        let config = &self.config;
+        let (config, variance_s2) = (&self.config, self.clock.variance_s2());
         self.region.drive(|place| {
             *place = place.driven(dt_s, input.odometry.as_ref(), &config.motion, &config.odometry);
+            place.doubt_time(variance_s2);
             let position = Point3::from(place.map_from_camera.translation.vector);
             if let Some(path) = self.map.nearest_path(&self.sight.candidates.roads, &position) {
                 keep_on_road(place, &path, &config.start);

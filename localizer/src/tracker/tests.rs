@@ -219,6 +219,29 @@ fn what_slides_away_from_the_trusted_pose_pays_for_all_of_the_way() {
 }
 
 #[test]
+fn a_jump_tells_of_wrong_times_once_the_speed_is_known() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let mut tracker = followed(&world, &mut map);
+    let mut best = tracker.bank.remove(0);
+    tracker.select(&best.state.map_from_camera, &Reach { position_m: 5.0, angle_rad: 0.1 }).unwrap();
+    let prior = crate::solver::Prior::new(best.state.map_from_camera, &best.state.pose_covariance()).unwrap();
+    let scene = tracker.sight.scene(&tracker.config);
+    let question = crate::associate::robust::Question {
+        scene: &scene,
+        gate_covariance: &best.state.pose_covariance(),
+        prior: &prior,
+        config: &tracker.config.robust,
+        solver: &tracker.config.solver,
+    };
+    let rival = tracker.associator.refine(&question, &best.state.map_from_camera).unwrap();
+    let tells = |best: &Hypothesis| Hypothesis::beside(best, &rival, 10.0).interval.is_some();
+    assert!(tells(&best));
+    best.age_frames = 1;
+    assert!(!tells(&best));
+}
+
+#[test]
 fn what_was_hidden_from_the_best_was_hidden_from_those_beside_it() {
     let world = World::new(street());
     let mut map = LocalMap::whole(world.map.clone());

@@ -51,8 +51,8 @@ pub struct BankConfig {
     /// motion leads through some that show little. Before, a newcomer pays as a
     /// jump does.
     pub trust_memory_s: f64,
-    /// What a jump of the best pose pays at first, nats: 10 says that one pose
-    /// in 20,000 does. Where it jumped from goes on to speak against it
+    /// What a jump of the best pose pays at first, nats: 12 says that one pose
+    /// in 160,000 does. Where it jumped from goes on to speak against it
     /// ([`Self::most_astray`]).
     pub jump_cost: f64,
     /// Evidence by which the weight falls to 37 % in the mean that is said where
@@ -98,7 +98,7 @@ impl Default for BankConfig {
             prune_margin: 30.0,
             newcomer_cost: 5.0,
             trust_memory_s: 3.0,
-            jump_cost: 10.0,
+            jump_cost: 12.0,
             doubt: 3.0,
             max_innovation: 11.2,
             max_surprise: 8.0,

@@ -29,6 +29,8 @@ pub enum Step {
     /// What fits as well elsewhere is tracked: rivals, and poses that matches
     /// ask for which are not believed.
     Jumps,
+    /// The last trusted pose, driven on, and fixes speak against other places.
+    Astray,
     /// Matches far from the prediction are not believed.
     Innovation,
     /// Evidence counts over several frames.
@@ -109,6 +111,7 @@ impl Step {
             }
             Self::Loose => config.rivals.loose_distinct_m = NEVER,
             Self::Jumps => config.bank.jump_cost = NEVER,
+            Self::Astray => config.bank.most_astray = 0.0,
             Self::Innovation => config.bank.max_innovation = NEVER,
             Self::Memory => config.bank.memory = 0.0,
             Self::Starts => config.start.kept = 1,

@@ -29,8 +29,8 @@ pub struct GpsConfig {
     /// A fix further from what is expected than this is refused, standard
     /// deviations of both: reflections put it tens of metres off.
     pub refused_sigmas: f64,
-    /// So many fixes in a row that are refused are right, and what was expected
-    /// is not.
+    /// So many fixes in a row that are refused may be right, and what was
+    /// expected wrong: both places are believed until the images tell.
     pub believed_after: usize,
 }
 

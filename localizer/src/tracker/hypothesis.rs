@@ -252,8 +252,9 @@ impl Hypothesis {
 
     /// Takes in how far it lies from where the camera must be.
     pub fn compare(&mut self, region: &Region, config: &Config) {
-        self.astray = region.against(&self.state, &config.gps, config.bank.most_astray);
-        self.weigh();
+        let astray = region.against(&self.state, &config.gps, config.bank.most_astray);
+        self.log_weight += self.astray - astray;
+        self.astray = astray;
     }
 
     /// Both tell the same.

@@ -31,6 +31,7 @@ pub const LIMITS: &[Limits] = &[
     limits("detection.sign_band_of_height", 0.01, 1.0),
     limits("noise.end_sigma_px", 0.1, 1000.0),
     limits("robust.max_rounds", 1.0, 1000.0),
+    limits("bank.most_astray", 0.0, 1e9),
     limits("clock.frames", 1.0, 1000.0),
     limits("clock.max_sigma_s", 0.0, 10.0),
     limits("vision.poles.ransac_rounds", 1.0, 1e6),

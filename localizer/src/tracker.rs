@@ -7,6 +7,7 @@
 //! or not trusted) and from poses beside the best one that explain a frame as
 //! well (rivals).
 
+mod bank;
 mod clock;
 mod health;
 mod hypothesis;
@@ -15,11 +16,11 @@ mod nearby;
 mod region;
 mod rivals;
 
+pub use bank::BankConfig;
 use clock::Clock;
 pub use clock::ClockConfig;
 pub use health::HealthConfig;
 use health::Verdict;
-pub use hypothesis::BankConfig;
 pub use nearby::NearbyConfig;
 pub use rivals::RivalConfig;
 

@@ -1,0 +1,105 @@
+//! Settings of the set of hypotheses that are tracked side by side.
+
+use serde::{Deserialize, Serialize};
+
+/// Settings of the set of hypotheses.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BankConfig {
+    /// Evidence of the last frames together from which on nothing else is
+    /// searched, nats.
+    pub sure_evidence: f64,
+    /// With twice that evidence, a lead over all others from which on a young
+    /// hypothesis is not searched beside either, nats.
+    pub sure_lead: f64,
+    /// Hypotheses younger than [`Self::young_frames`] that are kept.
+    pub young_capacity: usize,
+    /// Older hypotheses that are kept.
+    pub capacity: usize,
+    /// Age at which a hypothesis is no longer young, frames.
+    pub young_frames: usize,
+    /// Share of the evidence that is carried to the next frame. The same
+    /// landmarks are seen again with the same errors, so frames are not
+    /// independent: 0.8 lets about five count.
+    pub memory: f64,
+    /// Share of a handicap that is carried to the next frame: 0.95 halves it
+    /// within 13 frames.
+    pub handicap_memory: f64,
+    /// Less evidence than the best by this much is refuted, nats.
+    pub prune_margin: f64,
+    /// What a hypothesis that was not tracked pays, nats: 5 says that one pose
+    /// in 150 is lost.
+    pub newcomer_cost: f64,
+    /// Time within which that it was lost becomes so probable, seconds: the
+    /// motion leads through some that show little. Before, a newcomer pays as a
+    /// jump does.
+    pub trust_memory_s: f64,
+    /// What a jump of the best pose pays at first, nats: 12 says that one pose
+    /// in 160,000 does. Where it jumped from goes on to speak against it
+    /// ([`Self::most_astray`]).
+    pub jump_cost: f64,
+    /// Evidence by which the weight falls to 37 % in the mean that is said where
+    /// no hypothesis is ok, nats. More than 1, for frames see the same landmarks
+    /// with the same errors and count several times.
+    pub doubt: f64,
+    /// Half the squared Mahalanobis distance from the prediction above which
+    /// matches are not believed: 11.2 is 99.9 % for six degrees of freedom.
+    pub max_innovation: f64,
+    /// What roads, springs and wheels say against a pose in one frame is bounded
+    /// by this, nats: some of it may be wrong.
+    pub max_surprise: f64,
+    /// What the last trusted pose, driven on, and fixes say against a pose is
+    /// bounded by this, nats: that pose may have been wrong.
+    pub most_astray: f64,
+    /// A pose costs nothing up to this distance from the survey's path, metres:
+    /// two lanes and a pavement.
+    pub road_m: f64,
+    /// Beyond, the standard deviation of what a vehicle keeps, metres.
+    pub off_road_sigma_m: f64,
+    /// Hypotheses nearer than this are the same, metres.
+    pub alike_m: f64,
+    /// Hypotheses turned by less than this are the same, radians.
+    pub alike_rad: f64,
+    /// Hypotheses whose speeds differ by less are the same, m/s.
+    pub alike_m_s: f64,
+    /// Highest speed of the vehicle, m/s.
+    pub max_speed_m_s: f64,
+    /// Highest speed of the vehicle in reverse, m/s.
+    pub max_reverse_m_s: f64,
+}
+
+impl Default for BankConfig {
+    fn default() -> Self {
+        Self {
+            sure_evidence: 15.0,
+            sure_lead: 10.0,
+            young_capacity: 32,
+            capacity: 8,
+            young_frames: 10,
+            memory: 0.8,
+            handicap_memory: 0.95,
+            prune_margin: 30.0,
+            newcomer_cost: 5.0,
+            trust_memory_s: 3.0,
+            jump_cost: 12.0,
+            doubt: 3.0,
+            max_innovation: 11.2,
+            max_surprise: 8.0,
+            most_astray: 25.0,
+            road_m: 9.0,
+            off_road_sigma_m: 2.0,
+            alike_m: 0.4,
+            alike_rad: 0.015,
+            alike_m_s: 2.0,
+            max_speed_m_s: 45.0,
+            max_reverse_m_s: 3.0,
+        }
+    }
+}
+
+impl BankConfig {
+    /// How many hypotheses of this age may be kept.
+    pub fn capacity(&self, age_frames: usize) -> usize {
+        if age_frames < self.young_frames { self.young_capacity } else { self.capacity }
+    }
+}

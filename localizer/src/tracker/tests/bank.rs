@@ -1,0 +1,107 @@
+//! What speaks for a hypothesis, and what against it.
+
+use super::*;
+use crate::associate::robust::Question;
+use crate::solver::Prior;
+
+#[test]
+fn where_two_may_be_right_their_mean_is_said_with_their_spread() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let best = followed(&world, &mut map).bank.remove(0);
+    let mut other = best.clone();
+    other.state.map_from_camera = retract(&best.state.map_from_camera, &(Tangent::x() * 2.0));
+    let own = best.state.pose_covariance();
+    let mean = |other: &Hypothesis| {
+        let (pose, covariance) = mean::mean_of(&[best.clone(), other.clone()], 3.0).unwrap();
+        (local(&best.state.map_from_camera, &pose)[0], covariance[(0, 0)] - own[(0, 0)])
+    };
+    let (off_m, more_m2) = mean(&other);
+    assert!((off_m - 1.0).abs() < 1e-6 && (more_m2 - 1.0).abs() < 1e-6, "{off_m} m, {more_m2} m2");
+    other.log_weight -= 60.0;
+    let (off_m, more_m2) = mean(&other);
+    assert!(off_m.abs() < 1e-6 && more_m2.abs() < 1e-6, "{off_m} m, {more_m2} m2");
+}
+
+#[test]
+fn who_was_just_trusted_is_not_lost() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let bank = BankConfig::default();
+    let fresh = Tracker::new(&mut map, &world.camera, IMAGE, &Config::default());
+    assert!((fresh.newcomer_cost() - bank.newcomer_cost).abs() < 1e-9);
+    let mut map = LocalMap::whole(world.map.clone());
+    let mut tracker = followed(&world, &mut map);
+    assert!((tracker.newcomer_cost() - bank.jump_cost).abs() < 1e-9);
+    let mut time_s = tracker.last_time_s.unwrap();
+    let nothing = Features::default();
+    let mut costs = Vec::new();
+    for _ in 0..100 {
+        time_s += 0.1;
+        tracker.step(&FrameInput { time_s, features: &nothing, gps: None, odometry: None }).unwrap();
+        costs.push(tracker.newcomer_cost());
+    }
+    // Once what was believed is too uncertain to be followed.
+    let last = costs.last().unwrap();
+    assert!(costs.is_sorted_by(|a, b| a >= b) && *last < bank.newcomer_cost + 1.0, "{last}");
+}
+
+#[test]
+fn what_slides_away_from_the_trusted_pose_pays_for_all_of_the_way() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let mut tracker = followed(&world, &mut map);
+    let (best, most) = (tracker.bank[0].clone(), tracker.config.bank.most_astray);
+    let mut astray = |right_m: f64| {
+        let mut moved = best.clone();
+        moved.state.map_from_camera = retract(&best.state.map_from_camera, &(Tangent::x() * right_m));
+        tracker.bank.clear();
+        tracker.add(moved);
+        let added = &tracker.bank[0];
+        assert!((added.log_weight + added.astray - best.log_weight - best.astray).abs() < 1e-9);
+        added.astray
+    };
+    let costs: Vec<f64> = [0.0, 0.1, 0.2, 4.0, 40.0].into_iter().map(&mut astray).collect();
+    assert!(costs.is_sorted() && costs[0] < 0.1 && costs[1] > costs[0] && costs[2] > 2.0 * costs[1], "{costs:?}");
+    assert!((costs[3] - most).abs() < 1e-9 && (costs[4] - most).abs() < 1e-9, "{costs:?}");
+}
+
+#[test]
+fn a_jump_tells_of_wrong_times_once_the_speed_is_known() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let mut tracker = followed(&world, &mut map);
+    let mut best = tracker.bank.remove(0);
+    tracker.select(&best.state.map_from_camera, &Reach { position_m: 5.0, angle_rad: 0.1 }).unwrap();
+    let prior = Prior::new(best.state.map_from_camera, &best.state.pose_covariance()).unwrap();
+    let scene = tracker.sight.scene(&tracker.config);
+    let question = Question {
+        scene: &scene,
+        gate_covariance: &best.state.pose_covariance(),
+        prior: &prior,
+        config: &tracker.config.robust,
+        solver: &tracker.config.solver,
+    };
+    let rival = tracker.associator.refine(&question, &best.state.map_from_camera).unwrap();
+    let tells = |best: &Hypothesis| Hypothesis::beside(best, &rival, 10.0).interval.is_some();
+    assert!(tells(&best));
+    best.age_frames = 1;
+    assert!(!tells(&best));
+}
+
+#[test]
+fn what_was_hidden_from_the_best_was_hidden_from_those_beside_it() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let mut tracker = followed(&world, &mut map);
+    for past_weight in [-30.0, 10.0] {
+        tracker.bank.truncate(1);
+        let best = &mut tracker.bank[0];
+        best.state.map_from_camera = retract(&best.state.map_from_camera, &(Tangent::x() * 2.0));
+        (best.past_weight, best.log_weight) = (past_weight, past_weight);
+        assert!(tracker.search_if_needed().unwrap());
+        let found: Vec<f64> = tracker.bank.iter().filter(|h| h.age_frames == 0).map(|h| h.past_weight).collect();
+        assert!(!found.is_empty() && found.iter().all(|past| (past - past_weight.min(0.0)).abs() < 1e-9), "{found:?}");
+        tracker.bank.retain(|h| h.age_frames > 0);
+    }
+}

@@ -1,5 +1,7 @@
 use serde::{Deserialize, Serialize};
 
+use super::TreeConfig;
+
 /// How poles are told from everything else.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -199,6 +201,9 @@ pub struct PoleConfig {
     pub pillars_apart_m: [f64; 2],
     /// How far a pillar may be from the corner of the rectangle, metres.
     pub pillars_off_m: f64,
+    /// How much the radii of three of them differ where the fourth is hidden,
+    /// metres: they are measured to 1 cm.
+    pub pillars_alike_m: f64,
     /// Top of what ends below any sign, metres above ground: posts of fences and
     /// gates are up to 1.6 m high, and low signs hang from 1.9 m on.
     pub short_top_m: f64,
@@ -215,6 +220,10 @@ pub struct PoleConfig {
     /// Largest extent of such a reflector along the ground, metres: those of
     /// vehicles and their plates are wider.
     pub widest_reflector_m: f64,
+    /// Heights of signs, metres above ground: posts are looked for under them.
+    pub sheet_m: [f64; 2],
+    /// Largest width of a sign on one post, metres: wider ones have two.
+    pub widest_sheet_m: f64,
     /// Largest height of the post over its highest reflector, metres.
     pub reflector_below_top_m: f64,
     /// Distance from the reflector's middle within which its post is looked
@@ -226,8 +235,10 @@ pub struct PoleConfig {
     pub lamp_top_m: f64,
     /// The same where the pole goes on beyond the field of view, metres.
     pub open_lamp_top_m: f64,
-    /// Radius that tells a trunk from a post, metres.
+    /// Radius from which on anything is a trunk, metres.
     pub trunk_radius_m: f64,
+    /// What tells trees from posts else.
+    pub trees: TreeConfig,
     /// Whether trunks go into the map, under their own semantic: trees change,
     /// and networks that find poles in images leave them out, so the localizer
     /// does not use them unless told to.
@@ -310,18 +321,22 @@ impl Default for PoleConfig {
             pillar_radius_m: 0.13,
             pillars_apart_m: [2.5, 12.0],
             pillars_off_m: 0.3,
+            pillars_alike_m: 0.02,
             short_top_m: 1.8,
             thickest_short_m: 0.09,
             least_reflectance: 0.7,
             sheeting_reflectance: 0.9,
             reflector_m: [0.35, 1.2],
             widest_reflector_m: 0.25,
+            sheet_m: [1.2, 4.5],
+            widest_sheet_m: 1.3,
             reflector_below_top_m: 0.2,
             reflector_reach_m: 0.15,
             delineator_top_m: 1.5,
             lamp_top_m: 4.5,
             open_lamp_top_m: 2.8,
             trunk_radius_m: 0.18,
+            trees: TreeConfig::default(),
             keep_trunks: true,
         }
     }

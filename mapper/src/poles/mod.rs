@@ -4,14 +4,14 @@ mod axis;
 mod config;
 mod fences;
 mod fit;
+mod kinds;
 mod looks;
 mod normal;
+mod reflectors;
 mod roofs;
 mod stacks;
 #[cfg(test)]
 mod tests;
-
-use std::ops::Range;
 
 use common::map::PoleKind;
 use nalgebra::Point2;
@@ -20,13 +20,15 @@ use rayon::prelude::*;
 pub use axis::Plumb;
 pub use config::PoleConfig;
 pub use fit::{FittedPole, Wanted, fit_pole};
+pub use kinds::TreeConfig;
 pub use stacks::{Stack, Stacks};
 
-use crate::cloud::{Cloud, CloudPoint};
+use crate::cloud::Cloud;
 use crate::lidar::LidarConfig;
-use crate::signs::clusters;
 use fences::{ends_fence, in_fences};
+use kinds::{Kinds, has_crown};
 use looks::looked_through;
+use reflectors::{under_reflectors, under_sheets};
 use roofs::without_pillars;
 
 /// The poles of a stitched cloud with their kinds.
@@ -38,6 +40,7 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
         .into_iter()
         .chain(stacks.find_before(config))
         .chain(under_reflectors(cloud, config))
+        .chain(under_sheets(cloud, config))
         .collect();
     let fit = |plumb: &Plumb, wanted: Wanted| -> Vec<(FittedPole, bool)> {
         places
@@ -53,9 +56,12 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
     let first = fit(&Plumb::of_map(config), Wanted::Poles);
     let slopes: Vec<_> =
         first.iter().filter(|(_, is_pole)| *is_pole).map(|(p, _)| (p.slope_of_hits, p.slope_covariance)).collect();
-    let fitted = fit(&Plumb::of_poles(&slopes, config), Wanted::PolesAndFences);
+    let plumb = Plumb::of_poles(&slopes, config);
+    let fitted = fit(&plumb, Wanted::PolesAndFences);
     // What is no pole itself may still carry the rail that goes on to others.
     let fenced = in_fences(&fitted.iter().map(|(pole, _)| pole).collect::<Vec<_>>(), config);
+    let poles = fitted.iter().zip(&fenced).filter(|((_, is_pole), fenced)| *is_pole && !**fenced);
+    let kinds = Kinds::of(poles.map(|((pole, _), _)| pole), &plumb, &stacks, config);
     let mut kept: Vec<(PoleKind, FittedPole)> = Vec::new();
     for ((pole, _), _) in fitted.into_iter().zip(fenced).filter(|((_, is_pole), fenced)| *is_pole && !fenced) {
         // Two stacks of one pole, above and below a sign, fit the same axis.
@@ -63,7 +69,7 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
             let off = Point2::new(k.foot.x - pole.foot.x, k.foot.z - pole.foot.z);
             off.coords.norm() < config.ring_inner_m
         });
-        let kind = kind_of(&pole, &stacks, config);
+        let kind = kinds.of_pole(&pole);
         if !known && (kind != PoleKind::Trunk || config.keep_trunks) && !ends_fence(cloud, &pole, config) {
             kept.push((kind, pole));
         }
@@ -73,38 +79,6 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
     let shares = looked_through(cloud, &kept.iter().map(|(_, pole)| pole).collect::<Vec<_>>(), config, lidar);
     let standing = kept.into_iter().zip(shares).filter(|(_, share)| *share <= config.largest_looked_through);
     standing.map(|(pole, _)| pole).collect()
-}
-
-/// Places under small reflectors at the height of those of delineators.
-fn under_reflectors(cloud: &Cloud, config: &PoleConfig) -> Vec<Stack> {
-    let [low_m, high_m] = config.reflector_m;
-    let bright: Vec<&CloudPoint> = cloud
-        .points
-        .iter()
-        .filter(|p| p.reflectance >= config.least_reflectance)
-        .filter(|p| (low_m..=high_m).contains(&f64::from(p.height_m)))
-        .collect();
-    clusters(&bright, config.core_radius_m)
-        .iter()
-        .filter_map(|cluster| {
-            let (low_x, high_x) = middle_of(cluster, |p| p.position.x)?;
-            let (low_z, high_z) = middle_of(cluster, |p| p.position.z)?;
-            let upper_edge_m = cluster.iter().map(|p| f64::from(p.height_m)).fold(f64::NEG_INFINITY, f64::max);
-            let extent_m = (high_x - low_x).max(high_z - low_z);
-            let centre = Point2::new(f64::midpoint(low_x, high_x), f64::midpoint(low_z, high_z));
-            (extent_m <= config.widest_reflector_m && cluster.len() >= config.fewest_points / 2)
-                .then(|| Stack::under_reflector(centre, upper_edge_m, config))
-        })
-        .collect()
-}
-
-/// Between which values nine in ten of the points lie: a reflector dazzles, and
-/// some of its echoes come from beside it.
-fn middle_of(points: &[&CloudPoint], value: impl Fn(&CloudPoint) -> f64) -> Option<(f64, f64)> {
-    let mut values: Vec<f64> = points.iter().map(|p| value(p)).collect();
-    values.sort_by(f64::total_cmp);
-    let off = values.len() / 20;
-    Some((*values.get(off)?, *values.get(values.len() - 1 - off)?))
 }
 
 fn is_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {
@@ -132,7 +106,7 @@ fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> boo
     (is_equipment || pole.attached_share <= largest_attached_share(pole, stack, config))
         && (is_equipment || !is_short || pole.radius_m <= config.thickest_short_m)
         && pole.spread_m <= largest_spread_m(pole, config)
-        && pole.radius_m <= config.thickest_m
+        && pole.radius_m <= if stack.is_under_sheet { config.slender_m } else { config.thickest_m }
         && pole.scans >= config.fewest_scans
         && (pole.reflectance >= config.least_reflectance || !is_glimpse(pole, config))
         && pole.nearest_hit_m <= config.hit_within_m
@@ -186,41 +160,4 @@ fn is_of_what_is_behind(pole: &FittedPole, stack: &Stack, stacks: &Stacks, confi
 /// Whether it is a post with sheeting on it.
 fn is_equipped_post(pole: &FittedPole, config: &PoleConfig) -> bool {
     pole.reflectance >= config.sheeting_reflectance && pole.radius_m <= config.post_radius_m
-}
-
-/// Whether something is above the upper end and around it. What is no farther off
-/// than a plate reaches is a plate where it covers the post.
-fn has_crown(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> bool {
-    let [near_m, far_m] = config.crown_radii_m;
-    is_filled_above(pole, stacks, 0.0, near_m..far_m, config)
-        || (is_filled_above(pole, stacks, 0.0, 0.0..far_m, config) && !is_covered(pole, stacks, config))
-}
-
-/// Whether something is right over the upper end, its own cap aside: a plate, or
-/// the crown that a stem goes on into. What stands by a bollard is beside it.
-fn is_covered(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> bool {
-    is_filled_above(pole, stacks, 2.0 * config.slice_m, 0.0..config.ring_inner_m, config)
-}
-
-fn is_filled_above(pole: &FittedPole, stacks: &Stacks, from_m: f64, radii_m: Range<f64>, config: &PoleConfig) -> bool {
-    let heights_m = pole.top_height_m + from_m..pole.top_height_m + config.crown_height_m;
-    stacks.filled_share(&Point2::new(pole.top.x, pole.top.z), heights_m, radii_m) >= config.crown_share
-}
-
-fn kind_of(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> PoleKind {
-    let top = pole.top_height_m;
-    // People beside it and the hedge behind it are no crown of a post with
-    // sheeting on it. Parked cars are higher than bollards, and stand by them.
-    let is_tree = !is_equipped_post(pole, config)
-        && has_crown(pole, stacks, config)
-        && (!pole.is_short(config) || is_covered(pole, stacks, config));
-    if is_tree || pole.radius_m > config.trunk_radius_m {
-        PoleKind::Trunk
-    } else if top <= config.delineator_top_m {
-        PoleKind::Delineator
-    } else if top >= config.lamp_top_m || (pole.top_is_open && top >= config.open_lamp_top_m) {
-        PoleKind::LampPost
-    } else {
-        PoleKind::SignPost
-    }
 }

@@ -40,6 +40,8 @@ pub struct Stack {
     pub end_m: f64,
     /// Whether it stands close before something, from which it stands out.
     pub is_before: bool,
+    /// Whether it is looked for under a retro-reflective plate.
+    pub is_under_sheet: bool,
     /// Slices that are occupied and free around.
     free: u64,
 }
@@ -58,8 +60,25 @@ impl Stack {
             reach_m: config.reflector_reach_m,
             end_m: high_m,
             is_before: false,
+            is_under_sheet: false,
             free: (1 << count) - 1,
         }
+    }
+
+    /// The stack under a retro-reflective plate, whatever stands close behind
+    /// it: from the ground up to the lower edge, heights above ground. None
+    /// where the plate is nearer to the ground than a post is long.
+    pub fn under_sheet(centre: Point2<f64>, low_edge_m: f64, high_edge_m: f64, config: &PoleConfig) -> Option<Self> {
+        let count = ((low_edge_m - config.lowest_m) / config.slice_m).floor().clamp(0.0, SLICES as f64 - 1.0) as u32;
+        (f64::from(count) * config.slice_m >= config.least_before_m).then(|| Self {
+            high_m: low_edge_m,
+            end_m: high_edge_m,
+            is_before: true,
+            is_under_sheet: true,
+            score: f64::from(count),
+            free: (1 << count) - 1,
+            ..Self::under_reflector(centre, high_edge_m, config)
+        })
     }
 
     /// Whether the slice at a height above ground is part of the stack with
@@ -294,6 +313,7 @@ impl Stacks {
             reach_m,
             end_m: f64::INFINITY,
             is_before: false,
+            is_under_sheet: false,
             free: filled & !hindered,
         })
     }

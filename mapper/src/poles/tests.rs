@@ -1,4 +1,5 @@
 mod decisions;
+mod kinds;
 
 use nalgebra::Point3;
 
@@ -159,6 +160,46 @@ fn a_delineator_before_a_hedge_is_found_by_its_reflector() {
     assert!((poles[0].1.foot - foot).norm() < 0.06, "{:?}", poles[0].1);
 }
 
+/// Poles found where a retro-reflective plate is 0.22 m before a fence that is as
+/// high as its lower edge, on a post or on the fence.
+fn sign_before_fence(is_on_post: bool) -> Vec<(PoleKind, FittedPole)> {
+    let mut street = Street::new();
+    street.add_wall(5.22, 10.0..40.0, 2.2);
+    let foot = Point3::new(5.0, CAMERA_HEIGHT_M, 25.0);
+    if is_on_post {
+        post(&mut street, foot, 2.2, 0.04);
+    }
+    for (scan, (i, k)) in (0..10_u16).flat_map(|s| (0..13).flat_map(move |i| (0..10).map(move |k| (s, (i, k))))) {
+        let off = nalgebra::Vector3::new(-0.05, -2.2 - 0.06 * f64::from(k), 0.05 * f64::from(i) - 0.3);
+        street.add(foot + off, scan, 0.99, None);
+    }
+    found(street)
+}
+
+#[test]
+fn a_post_close_before_a_fence_is_found_by_the_sign_on_it() {
+    let poles = sign_before_fence(true);
+    assert_eq!(poles.len(), 1);
+    assert_eq!(poles[0].0, PoleKind::SignPost);
+    assert!((poles[0].1.foot - Point3::new(5.0, CAMERA_HEIGHT_M, 25.0)).norm() < 0.06, "{:?}", poles[0].1);
+    assert!(sign_before_fence(false).is_empty());
+}
+
+#[test]
+fn a_reflector_that_dazzles_is_as_wide_as_most_of_its_echoes() {
+    let mut street = Street::new();
+    street.add_wall(5.4, 10.0..40.0, 2.0);
+    let foot = Point3::new(5.0, CAMERA_HEIGHT_M, 25.0);
+    post(&mut street, foot, 1.0, 0.05);
+    reflector(&mut street, foot, 0.75);
+    // One in six of the echoes.
+    for (scan, side) in (0..4_u16).flat_map(|scan| [(scan, -1.0), (scan, 1.0)]) {
+        street.add(foot - nalgebra::Vector3::new(0.05, 0.8, 0.18 * side), scan, 0.99, None);
+    }
+    let kinds: Vec<PoleKind> = found(street).into_iter().map(|p| p.0).collect();
+    assert_eq!(kinds, [PoleKind::Delineator]);
+}
+
 #[test]
 fn the_foot_is_on_the_ground_though_a_hedge_hides_it() {
     let mut street = Street::new();
@@ -184,6 +225,10 @@ fn a_post_in_the_way_of_no_rail_stays_in_its_row() {
 fn what_carries_a_roof_is_no_pole_and_two_masts_are() {
     let mut street = Street::new();
     for (x, z) in [(7.0, 20.0), (10.5, 20.0), (7.0, 26.0), (10.5, 26.0)] {
+        post(&mut street, Point3::new(x, CAMERA_HEIGHT_M, z), 3.4, 0.16);
+    }
+    // One corner of a second roof is hidden.
+    for (x, z) in [(-7.0, 20.0), (-10.5, 20.0), (-7.0, 26.0)] {
         post(&mut street, Point3::new(x, CAMERA_HEIGHT_M, z), 3.4, 0.16);
     }
     for z in [36.0, 40.0] {

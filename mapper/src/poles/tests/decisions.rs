@@ -1,11 +1,11 @@
 //! What is said of poles that were fitted.
 
-use nalgebra::Vector3;
+use std::ops::Range;
 
 use super::*;
 
 /// The face of a wall or a hedge along the road, that all scans see.
-fn add_face(street: &mut Street, x: f64, z: Range<f64>, height_m: f64) {
+pub(super) fn add_face(street: &mut Street, x: f64, z: Range<f64>, height_m: f64) {
     let steps = |length_m: f64| (length_m / 0.05) as u32;
     for (i, k) in (0..steps(z.end - z.start)).flat_map(|i| (0..steps(height_m)).map(move |k| (i, k))) {
         let p = Point3::new(x, CAMERA_HEIGHT_M - f64::from(k) * 0.05, z.start + f64::from(i) * 0.05);
@@ -14,7 +14,7 @@ fn add_face(street: &mut Street, x: f64, z: Range<f64>, height_m: f64) {
 }
 
 /// A slender pole that stands free, and where it was found.
-fn slender() -> (FittedPole, Stack) {
+pub(super) fn slender() -> (FittedPole, Stack) {
     let mut street = Street::new();
     let foot = Point3::new(5.0, CAMERA_HEIGHT_M, 28.0);
     post(&mut street, foot, 3.0, 0.03);
@@ -117,62 +117,4 @@ fn what_was_hit_from_afar_only_is_not_known_to_stand_free() {
     let (pole, stack) = slender();
     let is_pole = |nearest_hit_m: f64| is_pole(&FittedPole { nearest_hit_m, ..pole.clone() }, &stack, &config);
     assert!(is_pole(29.0) && !is_pole(31.0));
-}
-
-#[test]
-fn a_bollard_beside_a_parked_car_is_no_trunk_and_a_stem_under_a_bush_is() {
-    let config = PoleConfig::default();
-    let pole = FittedPole { top_height_m: 0.9, radius_m: 0.05, top_is_open: false, ..slender().0 };
-    let kind = |street: Street| {
-        let cloud = street.cloud();
-        kind_of(&pole, &Stacks::new(&cloud.points, cloud.ground.grid(), &config), &config)
-    };
-    let mut beside = Street::new();
-    for depth in 0..3 {
-        add_face(&mut beside, 5.5 + 0.15 * f64::from(depth), 20.0..36.0, 1.6);
-    }
-    assert_eq!(kind(beside), PoleKind::Delineator);
-    let mut under = Street::new();
-    for k in 0..4000_u32 {
-        let spread = |step: u32| f64::from(k * step % 401) / 401.0 - 0.5;
-        let at = Vector3::new(1.4 * spread(7), 0.55 * spread(131) - 1.6, 1.4 * spread(53));
-        under.add(Point3::new(5.0, CAMERA_HEIGHT_M, 28.0) + at, (k % 10) as u16, 0.3, None);
-    }
-    assert_eq!(kind(under), PoleKind::Trunk);
-}
-
-#[test]
-fn a_delineator_in_a_hedge_is_no_trunk_though_leaves_make_it_wide() {
-    let config = PoleConfig::default();
-    let mut street = Street::new();
-    for depth in 0..9 {
-        add_face(&mut street, 4.4 + 0.15 * f64::from(depth), 20.0..36.0, 1.8);
-    }
-    let cloud = street.cloud();
-    let stacks = Stacks::new(&cloud.points, cloud.ground.grid(), &config);
-    let pole = FittedPole { top_height_m: 1.1, top_is_open: false, ..slender().0 };
-    let kind = |radius_m: f64, reflectance: f32| {
-        kind_of(&FittedPole { radius_m, reflectance, ..pole.clone() }, &stacks, &config)
-    };
-    assert_eq!(kind(0.1, 0.99), PoleKind::Delineator);
-    // Without a reflector, and thicker than any post.
-    assert_eq!((kind(0.1, 0.5), kind(0.15, 0.99)), (PoleKind::Trunk, PoleKind::Trunk));
-}
-
-#[test]
-fn a_plate_over_a_post_is_no_crown_and_what_is_around_it_is() {
-    let config = PoleConfig::default();
-    let pole = FittedPole { top_height_m: 2.2, radius_m: 0.03, reflectance: 0.5, ..slender().0 };
-    let kind = |half_m: f64, apart_m: f64| {
-        let mut street = Street::new();
-        for k in 0..4000_u32 {
-            let spread = |step: u32| 2.0 * f64::from(k * step % 401) / 401.0 - 1.0;
-            let at = Vector3::new(half_m * spread(7), 0.35 * spread(131) - 2.55, apart_m * spread(53).signum());
-            street.add(Point3::new(5.0, CAMERA_HEIGHT_M, 28.0) + at, (k % 10) as u16, 0.3, None);
-        }
-        let cloud = street.cloud();
-        kind_of(&pole, &Stacks::new(&cloud.points, cloud.ground.grid(), &config), &config)
-    };
-    // A plate of 0.6 m, and branches 0.8 m to both sides.
-    assert_eq!((kind(0.3, 0.0), kind(0.3, 0.8)), (PoleKind::SignPost, PoleKind::Trunk));
 }

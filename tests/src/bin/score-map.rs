@@ -51,6 +51,7 @@ fn print(score: &MapScore, arguments: &Arguments) {
         common::say!("{name:14} {recall:7.3} {precision:9.3} {:8.0} {:10.3}  {unit}", found.wanted, found.off_m);
     };
     row("poles", &score.poles, "feet, from above");
+    row("trunks", &score.trunks, "of those that the map has: called so");
     row("signs", &score.signs, "centroids");
     row("lights", &score.lights, "centroids");
     row("lanes", &score.lanes, "across; true: metres");

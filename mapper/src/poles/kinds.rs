@@ -42,7 +42,8 @@ pub struct TreeConfig {
     pub crown: f64,
     /// What it takes away where none is seen, nats: of half of the trees none is.
     pub no_crown: f64,
-    /// What sheeting takes away, nats: reflectors are nailed to few trees.
+    /// What sheeting takes away, nats: reflectors are nailed to few trees. The
+    /// radius then tells nothing, for a plate makes its post look thick.
     pub sheeting: f64,
     /// So many poles with as many trees as posts among them count with those of
     /// a place when it is asked how many there are trees: avenues have more of
@@ -64,7 +65,7 @@ impl Default for TreeConfig {
             bare_m: 3.8,
             crown: 3.4,
             no_crown: 0.8,
-            sheeting: 3.0,
+            sheeting: 5.0,
             usual_poles: 6.0,
         }
     }
@@ -127,9 +128,9 @@ impl<'a> Kinds<'a> {
         let trees = &self.config.trees;
         let bare = (pole.top_height_m / trees.bare_m).powi(4);
         let crown = if has_crown(pole, self.stacks, self.config) { trees.crown } else { -trees.no_crown };
-        let sheeting = if pole.reflectance >= self.config.sheeting_reflectance { trees.sheeting } else { 0.0 };
-        let of_axis = trees.of_radius(pole, self.config) + trees.of_lean(pole, self.plumb, self.config);
-        of_axis - bare + crown - sheeting + self.prior
+        let has_sheeting = pole.reflectance >= self.config.sheeting_reflectance;
+        let of_width = if has_sheeting { -trees.sheeting } else { trees.of_radius(pole, self.config) };
+        of_width + trees.of_lean(pole, self.plumb, self.config) - bare + crown + self.prior
     }
 
     /// The kind of a pole.

@@ -43,6 +43,9 @@ fn add_leaves(street: &mut Street, height_m: f64, half: Vector3<f64>) {
 fn a_bare_stem_that_is_thick_and_leans_is_a_tree_and_a_mast_is_none() {
     let kind = |radius_m: f64, lean_rad: f64| kind(&stem(radius_m, lean_rad), Street::new());
     assert_eq!((kind(0.12, 0.05), kind(0.12, 0.0)), (PoleKind::Trunk, PoleKind::LampPost));
+    // A plate makes its post look thick.
+    let with_plate = FittedPole { reflectance: 0.99, top_is_open: false, ..stem(0.15, 0.01) };
+    assert_eq!(kind_among(&with_plate, &[], &Street::new().cloud()), PoleKind::SignPost);
     // A post that was run into, and what is too thick for any.
     assert_eq!((kind(0.04, 0.1), kind(0.2, 0.0)), (PoleKind::LampPost, PoleKind::Trunk));
 }

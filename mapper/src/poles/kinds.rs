@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{FittedPole, Plumb, PoleConfig, Stacks, is_equipped_post};
 
-/// What tells trees from posts: each of it adds to the log odds, in nats, and a
-/// tree is what has more for it than against it. No single one tells: the crown
-/// is above the field of view of the lidar or beside it, masts are as thick as
-/// trunks, and some trees stand upright.
+/// What tells trees from posts where no crown is seen: each of it adds to the log
+/// odds, in nats, and a tree is what has more for it than against it. No single
+/// one tells: the crown is above the field of view of the lidar, masts are as
+/// thick as trunks, and some trees stand upright.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TreeConfig {
@@ -38,9 +38,8 @@ pub struct TreeConfig {
     /// `exp(-(h / bare_m)^4)` of them. Branches are cut to 2.5 m over footways
     /// and to 4.5 m over carriageways.
     pub bare_m: f64,
-    /// What a crown adds, nats: one post in thirty stands under or beside one.
-    pub crown: f64,
-    /// What it takes away where none is seen, nats: of half of the trees none is.
+    /// What it takes away that no crown is seen, nats: of half of the trees none
+    /// is.
     pub no_crown: f64,
     /// What sheeting takes away, nats: reflectors are nailed to few trees. The
     /// radius then tells nothing, for a plate makes its post look thick.
@@ -63,7 +62,6 @@ impl Default for TreeConfig {
             tree_lean_rad: 0.035,
             most_of_lean: 3.0,
             bare_m: 3.8,
-            crown: 3.4,
             no_crown: 0.8,
             sheeting: 5.0,
             usual_poles: 6.0,
@@ -113,9 +111,17 @@ impl<'a> Kinds<'a> {
         config: &'a PoleConfig,
     ) -> Self {
         let mut kinds = Self { plumb, stacks, config, prior: 0.0 };
-        let odds: Vec<f64> = poles.filter(|p| kinds.may_be_tree(p)).map(|p| kinds.tree_odds(p)).collect();
+        let odds: Vec<f64> = poles
+            .filter(|p| kinds.may_be_tree(p))
+            .map(|p| if kinds.has_crown(p) { CERTAIN } else { kinds.tree_odds(p) })
+            .collect();
         kinds.prior = prior(&odds, config.trees.usual_poles);
         kinds
+    }
+
+    /// Whether a crown or a roof is over it: a parasol is no post either.
+    fn has_crown(&self, pole: &FittedPole) -> bool {
+        has_crown(pole, self.stacks, self.config)
     }
 
     /// Whether it is no short post, and none with sheeting.
@@ -123,14 +129,13 @@ impl<'a> Kinds<'a> {
         !is_equipped_post(pole, self.config) && !pole.is_short(self.config)
     }
 
-    /// Log odds that what may be a tree is one, nats.
+    /// Log odds that what may be a tree and shows no crown is one, nats.
     fn tree_odds(&self, pole: &FittedPole) -> f64 {
         let trees = &self.config.trees;
         let bare = (pole.top_height_m / trees.bare_m).powi(4);
-        let crown = if has_crown(pole, self.stacks, self.config) { trees.crown } else { -trees.no_crown };
         let has_sheeting = pole.reflectance >= self.config.sheeting_reflectance;
         let of_width = if has_sheeting { -trees.sheeting } else { trees.of_radius(pole, self.config) };
-        of_width + trees.of_lean(pole, self.plumb, self.config) - bare + crown + self.prior
+        of_width + trees.of_lean(pole, self.plumb, self.config) - bare - trees.no_crown + self.prior
     }
 
     /// The kind of a pole.
@@ -138,9 +143,9 @@ impl<'a> Kinds<'a> {
         let (top, config) = (pole.top_height_m, self.config);
         // People beside it and the hedge behind it are no crown of a post with
         // sheeting on it. Parked cars are higher than bollards, and stand by them.
-        let is_stem = || has_crown(pole, self.stacks, config) && is_covered(pole, self.stacks, config);
+        let is_stem = || self.has_crown(pole) && is_covered(pole, self.stacks, config);
         let is_tree = if self.may_be_tree(pole) {
-            self.tree_odds(pole) > 0.0
+            self.has_crown(pole) || self.tree_odds(pole) > 0.0
         } else {
             !is_equipped_post(pole, config) && is_stem()
         };
@@ -168,6 +173,9 @@ fn prior(odds: &[f64], usual_poles: f64) -> f64 {
     }
     prior
 }
+
+/// Log odds of what is known to be one, nats.
+const CERTAIN: f64 = 20.0;
 
 /// Steps of the expectation-maximization: the share settles within a few.
 const PRIOR_STEPS: usize = 20;

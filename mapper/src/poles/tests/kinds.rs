@@ -67,7 +67,7 @@ fn what_may_be_either_is_what_the_others_of_its_place_are() {
 
 #[test]
 fn a_plate_over_a_post_is_no_crown_and_what_is_around_it_is() {
-    let pole = FittedPole { top_height_m: 2.2, top_is_open: false, reflectance: 0.5, ..stem(0.075, 0.01) };
+    let pole = FittedPole { top_height_m: 2.2, top_is_open: false, reflectance: 0.5, ..stem(0.03, 0.0) };
     let kind = |half: Vector3<f64>| {
         let mut street = Street::new();
         add_leaves(&mut street, 2.55, half);

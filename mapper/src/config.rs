@@ -80,6 +80,8 @@ pub const LIMITS: &[Limits] = &[
     limits("poles.trees.*_spread", 0.05, 5.0),
     limits("poles.trees.bare_m", 1.0, 60.0),
     limits("poles.trees.usual_poles", 0.1, 1e6),
+    limits("poles.trees.tree_lean_rad", 0.001, 1.0),
+    limits("poles.trees.*", 0.0, 1e6),
     limits("poles.*_m", 0.0, 60.0),
     range("signs.*.width_m", 0.0, 60.0),
     range("signs.lights.seen_m", 0.0, 60.0),

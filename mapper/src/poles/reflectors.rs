@@ -1,6 +1,8 @@
 //! Places where posts are looked for because something on them reflects: a hedge or a
 //! fence may stand close behind, and shape alone does not tell them from it.
 
+use std::ops::RangeInclusive;
+
 use nalgebra::Point2;
 
 use super::{PoleConfig, Stack};
@@ -41,7 +43,7 @@ struct Reflector {
 fn reflectors(
     cloud: &Cloud,
     least_reflectance: f32,
-    heights_m: std::ops::RangeInclusive<f64>,
+    heights_m: RangeInclusive<f64>,
     config: &PoleConfig,
 ) -> Vec<Reflector> {
     let bright: Vec<&CloudPoint> = cloud

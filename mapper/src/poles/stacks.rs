@@ -51,7 +51,28 @@ impl Stack {
     /// ground, whatever stands behind it.
     pub fn under_reflector(centre: Point2<f64>, upper_edge_m: f64, config: &PoleConfig) -> Self {
         let high_m = upper_edge_m + config.reflector_below_top_m;
-        let count = ((high_m - config.lowest_m) / config.slice_m).ceil().clamp(1.0, SLICES as f64 - 1.0) as u32;
+        let count = ((high_m - config.lowest_m) / config.slice_m).ceil();
+        Self { high_m, end_m: high_m, ..Self::from_ground(centre, count, config) }
+    }
+
+    /// The stack under a retro-reflective plate, whatever stands close behind
+    /// it: from the ground up to the lower edge, heights above ground. None
+    /// where the plate is nearer to the ground than a post is long.
+    pub fn under_sheet(centre: Point2<f64>, low_edge_m: f64, high_edge_m: f64, config: &PoleConfig) -> Option<Self> {
+        let count = ((low_edge_m - config.lowest_m) / config.slice_m).floor();
+        (count * config.slice_m >= config.least_before_m).then(|| Self {
+            high_m: low_edge_m,
+            end_m: high_edge_m,
+            is_before: true,
+            is_under_sheet: true,
+            ..Self::from_ground(centre, count, config)
+        })
+    }
+
+    /// So many slices from the ground up, all taken for free.
+    fn from_ground(centre: Point2<f64>, count: f64, config: &PoleConfig) -> Self {
+        let count = count.clamp(1.0, SLICES as f64 - 1.0) as u32;
+        let high_m = config.lowest_m + f64::from(count) * config.slice_m;
         Self {
             centre,
             low_m: config.lowest_m,
@@ -63,22 +84,6 @@ impl Stack {
             is_under_sheet: false,
             free: (1 << count) - 1,
         }
-    }
-
-    /// The stack under a retro-reflective plate, whatever stands close behind
-    /// it: from the ground up to the lower edge, heights above ground. None
-    /// where the plate is nearer to the ground than a post is long.
-    pub fn under_sheet(centre: Point2<f64>, low_edge_m: f64, high_edge_m: f64, config: &PoleConfig) -> Option<Self> {
-        let count = ((low_edge_m - config.lowest_m) / config.slice_m).floor().clamp(0.0, SLICES as f64 - 1.0) as u32;
-        (f64::from(count) * config.slice_m >= config.least_before_m).then(|| Self {
-            high_m: low_edge_m,
-            end_m: high_edge_m,
-            is_before: true,
-            is_under_sheet: true,
-            score: f64::from(count),
-            free: (1 << count) - 1,
-            ..Self::under_reflector(centre, high_edge_m, config)
-        })
     }
 
     /// Whether the slice at a height above ground is part of the stack with

@@ -186,26 +186,29 @@ fn poles(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool
     };
     score.foot_height_m = rms(&heights);
     score.tilt_rad = rms(&tilts);
-    let called: Vec<Point2<f64>> = map
-        .poles
-        .iter()
-        .filter(|pole| pole.kind == PoleKind::Trunk && counts(&pole.foot_map))
-        .map(|pole| middle(&pole.foot_map, &pole.top_map))
-        .collect();
-    let near = |at: &Point2<f64>, places: &[Point2<f64>]| places.iter().any(|p| (p - at).norm() < POLE_WITHIN_M);
-    let trunks: Vec<Point2<f64>> =
-        trunks.iter().filter(|trunk| counts(&trunk.foot_map_m.into())).map(at_truth).collect();
-    let posts: Vec<Point2<f64>> = wanted.iter().map(at_truth).collect();
-    let hits = trunks.iter().filter(|at| near(at, &called)).count();
-    let mistaken = trunks.iter().filter(|at| !near(at, &called) && near(at, &at_found)).count();
-    let right = called.iter().filter(|at| near(at, &trunks) || !near(at, &posts)).count();
-    score.trunks = Found {
-        wanted: (hits + mistaken) as f64,
-        hits: hits as f64,
-        claimed: called.len() as f64,
-        right: right as f64,
-        off_m: 0.0,
-    };
+    score.trunks = trunk_kinds(map, truth, counts);
+}
+
+/// Which trunks of the map are called so.
+fn trunk_kinds(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool) -> Found {
+    let of_map = |is_trunk: bool| map.poles.iter().filter(move |pole| (pole.kind == PoleKind::Trunk) == is_trunk);
+    let of_truth = |is_trunk: bool| truth.poles.iter().filter(move |pole| (pole.kind == "trunk") == is_trunk);
+    let at_map = |pole: &Pole| middle(&pole.foot_map, &pole.top_map);
+    let at_truth = |pole: &TruePole| middle(&pole.foot_map_m.into(), &pole.top_map_m.into());
+    let near = |a: Point2<f64>, b: Point2<f64>| (a - b).norm() < POLE_WITHIN_M;
+    let mut found = Found::default();
+    for trunk in of_truth(true).filter(|trunk| counts(&trunk.foot_map_m.into())) {
+        let is_called = |is_trunk: bool| of_map(is_trunk).any(|pole| near(at_map(pole), at_truth(trunk)));
+        let is_hit = is_called(true);
+        found.hits += f64::from(u8::from(is_hit));
+        found.wanted += f64::from(u8::from(is_hit || is_called(false)));
+    }
+    for pole in of_map(true).filter(|pole| counts(&pole.foot_map)) {
+        let is_by = |is_trunk: bool| of_truth(is_trunk).any(|truth| near(at_map(pole), at_truth(truth)));
+        found.claimed += 1.0;
+        found.right += f64::from(u8::from(is_by(true) || !is_by(false)));
+    }
+    found
 }
 
 fn signs(claimed: &[&Sign], wanted: &[Point3<f64>], counts: &dyn Fn(&Point3<f64>) -> bool) -> Found {

@@ -41,13 +41,17 @@ fn add_leaves(street: &mut Street, height_m: f64, half: Vector3<f64>) {
 
 #[test]
 fn a_bare_stem_that_is_thick_and_leans_is_a_tree_and_a_mast_is_none() {
-    let kind = |radius_m: f64, lean_rad: f64| kind(&stem(radius_m, lean_rad), Street::new());
-    assert_eq!((kind(0.12, 0.05), kind(0.12, 0.0)), (PoleKind::Trunk, PoleKind::LampPost));
-    // A plate makes its post look thick.
-    let with_plate = FittedPole { reflectance: 0.99, top_is_open: false, ..stem(0.15, 0.01) };
-    assert_eq!(kind_among(&with_plate, &[], &Street::new().cloud()), PoleKind::SignPost);
+    let bare = |radius_m: f64, lean_rad: f64| kind(&stem(radius_m, lean_rad), Street::new());
+    assert_eq!((bare(0.12, 0.05), bare(0.12, 0.0)), (PoleKind::Trunk, PoleKind::LampPost));
     // A post that was run into, and what is too thick for any.
-    assert_eq!((kind(0.04, 0.1), kind(0.2, 0.0)), (PoleKind::LampPost, PoleKind::Trunk));
+    assert_eq!((bare(0.04, 0.1), bare(0.2, 0.0)), (PoleKind::LampPost, PoleKind::Trunk));
+}
+
+#[test]
+fn a_plate_makes_its_post_look_thick_and_no_tree_of_it() {
+    let thick = |reflectance: f32| FittedPole { reflectance, top_is_open: false, ..stem(0.15, 0.01) };
+    let kind = |reflectance: f32| kind(&thick(reflectance), Street::new());
+    assert_eq!((kind(0.99), kind(0.5)), (PoleKind::SignPost, PoleKind::Trunk));
 }
 
 #[test]
@@ -67,15 +71,17 @@ fn what_may_be_either_is_what_the_others_of_its_place_are() {
 
 #[test]
 fn a_plate_over_a_post_is_no_crown_and_what_is_around_it_is() {
-    let pole = FittedPole { top_height_m: 2.2, top_is_open: false, reflectance: 0.5, ..stem(0.03, 0.0) };
-    let kind = |half: Vector3<f64>| {
-        let mut street = Street::new();
-        add_leaves(&mut street, 2.55, half);
-        kind(&pole, street)
-    };
-    // A plate of 0.6 m, and branches 0.8 m to all sides.
-    let (plate, branches) = (Vector3::new(0.3, 0.35, 0.0), Vector3::new(0.8, 0.35, 0.8));
-    assert_eq!((kind(plate), kind(branches)), (PoleKind::SignPost, PoleKind::Trunk));
+    // A plate of 0.6 m, and what is 0.8 m to all sides: branches, or a parasol.
+    let (plate, around) = (Vector3::new(0.3, 0.35, 0.0), Vector3::new(0.8, 0.35, 0.8));
+    for radius_m in [0.03, 0.075] {
+        let low = FittedPole { top_height_m: 2.2, top_is_open: false, ..stem(radius_m, 0.01) };
+        let kind = |half: Vector3<f64>| {
+            let mut street = Street::new();
+            add_leaves(&mut street, 2.55, half);
+            kind(&low, street)
+        };
+        assert_eq!((kind(plate), kind(around)), (PoleKind::SignPost, PoleKind::Trunk), "{radius_m}");
+    }
 }
 
 #[test]

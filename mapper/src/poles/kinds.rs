@@ -42,7 +42,8 @@ pub struct TreeConfig {
     /// is.
     pub no_crown: f64,
     /// What sheeting takes away, nats: reflectors are nailed to few trees. The
-    /// radius then tells nothing, for a plate makes its post look thick.
+    /// radius then tells nothing, for a plate makes its post look thick, nor does
+    /// what is around its upper end, for signs stand before hedges.
     pub sheeting: f64,
     /// So many poles with as many trees as posts among them count with those of
     /// a place when it is asked how many there are trees: avenues have more of
@@ -113,7 +114,7 @@ impl<'a> Kinds<'a> {
         let mut kinds = Self { plumb, stacks, config, prior: 0.0 };
         let odds: Vec<f64> = poles
             .filter(|p| kinds.may_be_tree(p))
-            .map(|p| if kinds.has_crown(p) { CERTAIN } else { kinds.tree_odds(p) })
+            .map(|p| if kinds.is_crowned(p) { CERTAIN } else { kinds.tree_odds(p) })
             .collect();
         kinds.prior = prior(&odds, config.trees.usual_poles);
         kinds
@@ -122,6 +123,16 @@ impl<'a> Kinds<'a> {
     /// Whether a crown or a roof is over it: a parasol is no post either.
     fn has_crown(&self, pole: &FittedPole) -> bool {
         has_crown(pole, self.stacks, self.config)
+    }
+
+    /// Whether its crown makes a tree of it.
+    fn is_crowned(&self, pole: &FittedPole) -> bool {
+        self.has_crown(pole) && !self.has_sheeting(pole)
+    }
+
+    /// Whether it is or carries a reflector.
+    fn has_sheeting(&self, pole: &FittedPole) -> bool {
+        pole.reflectance >= self.config.sheeting_reflectance
     }
 
     /// Whether it is no short post, and none with sheeting.
@@ -133,8 +144,7 @@ impl<'a> Kinds<'a> {
     fn tree_odds(&self, pole: &FittedPole) -> f64 {
         let trees = &self.config.trees;
         let bare = (pole.top_height_m / trees.bare_m).powi(4);
-        let has_sheeting = pole.reflectance >= self.config.sheeting_reflectance;
-        let of_width = if has_sheeting { -trees.sheeting } else { trees.of_radius(pole, self.config) };
+        let of_width = if self.has_sheeting(pole) { -trees.sheeting } else { trees.of_radius(pole, self.config) };
         of_width + trees.of_lean(pole, self.plumb, self.config) - bare - trees.no_crown + self.prior
     }
 
@@ -145,7 +155,7 @@ impl<'a> Kinds<'a> {
         // sheeting on it. Parked cars are higher than bollards, and stand by them.
         let is_stem = || self.has_crown(pole) && is_covered(pole, self.stacks, config);
         let is_tree = if self.may_be_tree(pole) {
-            self.has_crown(pole) || self.tree_odds(pole) > 0.0
+            self.is_crowned(pole) || self.tree_odds(pole) > 0.0
         } else {
             !is_equipped_post(pole, config) && is_stem()
         };

@@ -55,6 +55,16 @@ fn a_plate_makes_its_post_look_thick_and_no_tree_of_it() {
 }
 
 #[test]
+fn a_sign_before_a_hedge_has_no_crown() {
+    let kind = |reflectance: f32| {
+        let mut street = Street::new();
+        add_leaves(&mut street, 2.55, Vector3::new(0.8, 0.35, 0.8));
+        kind(&FittedPole { reflectance, top_height_m: 2.2, top_is_open: false, ..stem(0.15, 0.01) }, street)
+    };
+    assert_eq!((kind(0.99), kind(0.5)), (PoleKind::SignPost, PoleKind::Trunk));
+}
+
+#[test]
 fn what_is_as_thick_as_a_mast_and_ends_lower_than_lamps_is_a_tree() {
     let low = |radius_m: f64| FittedPole { top_is_open: false, ..stem(radius_m, 0.0) };
     let kind = |radius_m: f64| kind(&low(radius_m), Street::new());

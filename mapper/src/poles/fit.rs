@@ -153,35 +153,43 @@ pub fn fit_pole<'a>(
     let inlier_m = config.inlier_m.min(stack.reach_m);
     let refined = |hits: &[Hit], start: Axis| refine(hits, start, plumb, Shared::ByScan, config);
     let axis = refined(&in_run, ransac(&in_run, inlier_m, plumb, config)?);
-    // Follow the axis up and down as far as points go on without a gap.
     let is_beside = |p: &CloudPoint, axis: &Axis, reach_m: f64| {
         (at(p) - axis.at(-p.position.y)).norm_squared() < (reach_m + ROUNDING_M).powi(2)
     };
-    let mut on: Vec<Hit> = near
-        .iter()
-        // The surface lies before the axis by no more than this.
-        .filter(|p| f64::from(p.height_m) <= stack.end_m && is_beside(p, &axis, inlier_m + axis.before_m))
-        .map(|p| Hit::new(p, cloud))
-        .filter(|h| axis.residual(h).norm() < inlier_m)
-        .collect();
-    on.sort_by(|a, b| a.height.total_cmp(&b.height));
     let middle = in_run.iter().map(|h| h.height).sum::<f64>() / in_run.len() as f64;
-    let joined = |w: &[Hit]| w[1].height - w[0].height < config.longest_gap_m;
-    let run = on.chunk_by(|a, b| joined(&[*a, *b])).find(|c| c.last().is_some_and(|h| h.height >= middle))?;
-    let free: Vec<Hit> = run.iter().copied().filter(|h| stack.is_free(h.above_ground, config)).collect();
-    if free.len() < config.fewest_points {
-        return None;
-    }
-    let free = Free::new(free, config);
+    // Follows the axis up and down as far as points go on without a gap.
+    let along = |axis: &Axis, reach_m: f64| {
+        let mut on: Vec<Hit> = near
+            .iter()
+            // The surface lies before the axis by no more than this.
+            .filter(|p| f64::from(p.height_m) <= stack.end_m && is_beside(p, axis, reach_m + axis.before_m))
+            .map(|p| Hit::new(p, cloud))
+            .filter(|h| axis.residual(h).norm() < reach_m)
+            .collect();
+        on.sort_by(|a, b| a.height.total_cmp(&b.height));
+        let joined = |w: &[Hit]| w[1].height - w[0].height < config.longest_gap_m;
+        let run = on.chunk_by(|a, b| joined(&[*a, *b])).find(|c| c.last().is_some_and(|h| h.height >= middle))?;
+        let free: Vec<Hit> = run.iter().copied().filter(|h| stack.is_free(h.above_ground, config)).collect();
+        (free.len() >= config.fewest_points).then(|| (run.to_vec(), Free::new(free, config)))
+    };
+    let (mut run, mut free) = along(&axis, inlier_m)?;
     if wanted == Wanted::Poles && !free.may_be_pole(config) {
         return None;
     }
-    let axis = refined(&free.hits, axis);
+    let mut axis = refined(&free.hits, axis);
+    // Plates are wide, too, but no stems.
+    let is_cut_off = inlier_m >= config.inlier_m
+        && radius_across(&free.hits, &axis, config) > CUT_OFF * inlier_m
+        && reflectance(&run) < config.sheeting_reflectance;
+    if let Some(wider) = is_cut_off.then(|| along(&axis, config.thickest_m)).flatten() {
+        (run, free) = wider;
+        axis = refined(&free.hits, axis);
+    }
     let post = slim(&free.hits, &axis, config);
     let axis = refined(&post, axis);
     let post = slim(&free.hits, &axis, config);
     let axis = refined(&post, axis);
-    let mut pole = describe(cloud, &Seen { run, free: &free, post: &post }, &axis, config, lidar)?;
+    let mut pole = describe(cloud, &Seen { run: &run, free: &free, post: &post }, &axis, config, lidar)?;
     // So far as if nothing were attached: whatever is makes it less of a pole.
     if !wanted.may_be(&pole, stack, config) {
         return None;
@@ -199,6 +207,10 @@ pub fn fit_pole<'a>(
     pole.put_along(&refine(&post, axis, plumb, Shared::ByLaser, config));
     Some(pole)
 }
+
+/// Share of the reach of an axis from which on it may cut off part of a stem:
+/// where that is as wide as the reach, nine in ten of its hits lie within.
+const CUT_OFF: f64 = 0.7;
 
 /// Far more than distances that are computed in two ways differ by, metres.
 const ROUNDING_M: f64 = 1e-6;
@@ -245,6 +257,13 @@ struct Seen<'a> {
     post: &'a [Hit],
 }
 
+/// The largest reflectance that at least three hits have.
+fn reflectance(hits: &[Hit]) -> f32 {
+    let mut bright: Vec<f32> = hits.iter().map(|h| h.reflectance).collect();
+    bright.sort_by(|a, b| b.total_cmp(a));
+    bright.get(2).copied().unwrap_or(0.0)
+}
+
 /// Describes what is seen of a pole by the axis that fits it best, but for what
 /// is attached to it and for how it stands.
 fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar: &LidarConfig) -> Option<FittedPole> {
@@ -252,8 +271,6 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
     let radius_m = radius_across(seen.post, axis, config);
     let beams = seen.post.iter().map(|h| (config.beam_rad * h.range).powi(2)).sum::<f64>();
     let explained = (SHELL_SPREAD * radius_m).powi(2) + beams / seen.post.len() as f64;
-    let mut bright: Vec<f32> = seen.run.iter().map(|h| h.reflectance).collect();
-    bright.sort_by(|a, b| b.total_cmp(a));
     let (lowest, highest) = (seen.run.first()?.height, seen.run.last()?.height);
     let foot = ground_under(cloud, axis, lowest, config)?;
     let mut foot_height_m = lowest - foot;
@@ -289,7 +306,7 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
         top_is_open: highest > view.ceiling() - config.open_top_m,
         attached_share: 0.0,
         rail: None,
-        reflectance: bright.get(2).copied().unwrap_or(0.0),
+        reflectance: reflectance(seen.run),
         slope: axis.slope,
         slope_of_hits: axis.slope_of_hits,
         slope_covariance: axis.slope_covariance,

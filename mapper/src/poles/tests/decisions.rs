@@ -50,6 +50,16 @@ fn a_trunk_that_goes_on_above_the_field_of_view_does_not_end_below_any_sign() {
 }
 
 #[test]
+fn a_stem_that_is_wider_than_the_reach_of_an_axis_is_as_thick_as_it_is() {
+    for radius_m in [0.16, 0.22] {
+        let mut street = Street::new();
+        post(&mut street, Point3::new(5.0, CAMERA_HEIGHT_M, 28.0), 3.0, radius_m);
+        let fitted_m = found(street).swap_remove(0).1.radius_m;
+        assert!((fitted_m - radius_m).abs() < 0.1 * radius_m, "{radius_m} {fitted_m}");
+    }
+}
+
+#[test]
 fn a_glimpse_by_two_of_many_scans_makes_no_pole() {
     let config = PoleConfig::default();
     let (pole, stack) = slender();

@@ -27,7 +27,7 @@ pub struct TreeConfig {
     pub low_post_radius_spread: f64,
     /// Median radius of the trunks of street trees, metres.
     pub tree_radius_m: f64,
-    /// Standard deviation of its logarithm: nine in ten are from 7 to 27 cm.
+    /// Standard deviation of its logarithm: nine in ten are from 8 to 29 cm.
     pub tree_radius_spread: f64,
     /// How far trees lean from the plumb line, radians, one standard deviation
     /// along each axis: 2 degrees. For posts it is `usual_lean_rad`.
@@ -58,7 +58,7 @@ impl Default for TreeConfig {
             post_radius_spread: 0.55,
             low_post_radius_m: 0.04,
             low_post_radius_spread: 0.5,
-            tree_radius_m: 0.14,
+            tree_radius_m: 0.15,
             tree_radius_spread: 0.4,
             tree_lean_rad: 0.035,
             most_of_lean: 3.0,

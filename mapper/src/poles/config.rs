@@ -47,6 +47,10 @@ pub struct PoleConfig {
     pub beam_rad: f64,
     /// Distance within which a point belongs to the axis, metres.
     pub inlier_m: f64,
+    /// Radius, as a share of that, from which on it may have cut off part of a
+    /// stem, which is then fitted again within [`Self::thickest_m`]: a stem that
+    /// is as wide as the reach comes out a tenth slimmer.
+    pub cut_off_share: f64,
     /// Noise of a hit within its scan, metres: of its range and across its beam.
     pub hit_noise_m: f64,
     /// Error of the range of one laser, metres: all its hits on a pole share it.
@@ -264,6 +268,7 @@ impl Default for PoleConfig {
             noise_m: 0.04,
             beam_rad: 0.002,
             inlier_m: 0.2,
+            cut_off_share: 0.7,
             hit_noise_m: 0.02,
             beam_noise_m: 0.035,
             beam_step_rad: 0.005,

@@ -45,7 +45,7 @@ fn ways() -> impl Iterator<Item = Vector2<f64>> {
 
 /// Whether it is as low as a fence, and nothing on it was put up for the traffic.
 pub(super) fn may_be_of_fence(pole: &FittedPole, config: &PoleConfig) -> bool {
-    pole.is_short(config) && pole.reflectance < config.sheeting_reflectance
+    pole.is_short(config) && !pole.has_sheeting(config)
 }
 
 /// The direction, map (x, z), of one of the rails that go out from a post to

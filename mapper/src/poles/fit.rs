@@ -63,6 +63,12 @@ impl FittedPole {
         self.top_height_m <= config.short_top_m && !self.top_is_open
     }
 
+    /// Whether there is retro-reflective sheeting on it: it was put up for the
+    /// traffic.
+    pub fn has_sheeting(&self, config: &PoleConfig) -> bool {
+        self.reflectance >= config.sheeting_reflectance
+    }
+
     /// Puts its ends, at their heights, on an axis.
     fn put_along(&mut self, axis: &Axis) {
         for end in [&mut self.foot, &mut self.top] {
@@ -179,7 +185,7 @@ pub fn fit_pole<'a>(
     let mut axis = refined(&free.hits, axis);
     // Plates are wide, too, but no stems.
     let is_cut_off = inlier_m >= config.inlier_m
-        && radius_across(&free.hits, &axis, config) > CUT_OFF * inlier_m
+        && radius_across(&free.hits, &axis, config) > config.cut_off_share * inlier_m
         && reflectance(&run) < config.sheeting_reflectance;
     if let Some(wider) = is_cut_off.then(|| along(&axis, config.thickest_m)).flatten() {
         (run, free) = wider;
@@ -207,10 +213,6 @@ pub fn fit_pole<'a>(
     pole.put_along(&refine(&post, axis, plumb, Shared::ByLaser, config));
     Some(pole)
 }
-
-/// Share of the reach of an axis from which on it may cut off part of a stem:
-/// where that is as wide as the reach, nine in ten of its hits lie within.
-const CUT_OFF: f64 = 0.7;
 
 /// Far more than distances that are computed in two ways differ by, metres.
 const ROUNDING_M: f64 = 1e-6;

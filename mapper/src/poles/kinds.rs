@@ -127,15 +127,10 @@ impl<'a> Kinds<'a> {
 
     /// Whether its crown makes a tree of it.
     fn is_crowned(&self, pole: &FittedPole) -> bool {
-        self.has_crown(pole) && !self.has_sheeting(pole)
+        self.has_crown(pole) && !pole.has_sheeting(self.config)
     }
 
-    /// Whether it is or carries a reflector.
-    fn has_sheeting(&self, pole: &FittedPole) -> bool {
-        pole.reflectance >= self.config.sheeting_reflectance
-    }
-
-    /// Whether it is no short post, and none with sheeting.
+    /// Whether it is no short post, and no slender one with sheeting.
     fn may_be_tree(&self, pole: &FittedPole) -> bool {
         !is_equipped_post(pole, self.config) && !pole.is_short(self.config)
     }
@@ -144,7 +139,8 @@ impl<'a> Kinds<'a> {
     fn tree_odds(&self, pole: &FittedPole) -> f64 {
         let trees = &self.config.trees;
         let bare = (pole.top_height_m / trees.bare_m).powi(4);
-        let of_width = if self.has_sheeting(pole) { -trees.sheeting } else { trees.of_radius(pole, self.config) };
+        let of_width =
+            if pole.has_sheeting(self.config) { -trees.sheeting } else { trees.of_radius(pole, self.config) };
         of_width + trees.of_lean(pole, self.plumb, self.config) - bare - trees.no_crown + self.prior
     }
 

@@ -89,8 +89,7 @@ fn is_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {
 fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {
     let free_share = pole.free_m / (pole.top_height_m - pole.foot_height_m);
     let least_free_m = if pole.foot_height_m > 0.0 { config.least_free_hanging_m } else { config.least_free_m };
-    // Whatever carries retro-reflective sheeting was put up for the traffic.
-    let is_equipment = pole.reflectance >= config.sheeting_reflectance;
+    let is_equipment = pole.has_sheeting(config);
     let least_share = if is_equipment {
         config.least_free_share_sign
     } else if pole.radius_m <= config.post_radius_m {
@@ -159,5 +158,5 @@ fn is_of_what_is_behind(pole: &FittedPole, stack: &Stack, stacks: &Stacks, confi
 
 /// Whether it is a post with sheeting on it.
 fn is_equipped_post(pole: &FittedPole, config: &PoleConfig) -> bool {
-    pole.reflectance >= config.sheeting_reflectance && pole.radius_m <= config.post_radius_m
+    pole.has_sheeting(config) && pole.radius_m <= config.post_radius_m
 }

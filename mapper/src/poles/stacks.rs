@@ -52,7 +52,7 @@ impl Stack {
     pub fn under_reflector(centre: Point2<f64>, upper_edge_m: f64, config: &PoleConfig) -> Self {
         let high_m = upper_edge_m + config.reflector_below_top_m;
         let count = ((high_m - config.lowest_m) / config.slice_m).ceil();
-        Self { high_m, end_m: high_m, ..Self::from_ground(centre, count, config) }
+        Self::from_ground(centre, count, high_m, config)
     }
 
     /// The stack under a retro-reflective plate, whatever stands close behind
@@ -61,18 +61,16 @@ impl Stack {
     pub fn under_sheet(centre: Point2<f64>, low_edge_m: f64, high_edge_m: f64, config: &PoleConfig) -> Option<Self> {
         let count = ((low_edge_m - config.lowest_m) / config.slice_m).floor();
         (count * config.slice_m >= config.least_before_m).then(|| Self {
-            high_m: low_edge_m,
             end_m: high_edge_m,
             is_before: true,
             is_under_sheet: true,
-            ..Self::from_ground(centre, count, config)
+            ..Self::from_ground(centre, count, low_edge_m, config)
         })
     }
 
-    /// So many slices from the ground up, all taken for free.
-    fn from_ground(centre: Point2<f64>, count: f64, config: &PoleConfig) -> Self {
+    /// So many slices from the ground up to a height above it, all taken for free.
+    fn from_ground(centre: Point2<f64>, count: f64, high_m: f64, config: &PoleConfig) -> Self {
         let count = count.clamp(1.0, SLICES as f64 - 1.0) as u32;
-        let high_m = config.lowest_m + f64::from(count) * config.slice_m;
         Self {
             centre,
             low_m: config.lowest_m,

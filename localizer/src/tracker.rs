@@ -368,7 +368,7 @@ impl<'a> Tracker<'a> {
         }
         if verdict.well_frames > 0 {
             // Should it be lost from here on, it is searched around here.
-            self.region.trust(&best.state);
+            self.region.trust(&best.state, self.config.bank.contradiction);
         }
         let alone = std::slice::from_ref(best);
         let said = if status == Status::Ok { alone } else { self.bank.as_slice() };

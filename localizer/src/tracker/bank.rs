@@ -51,6 +51,10 @@ pub struct BankConfig {
     /// What the last trusted pose, driven on, and fixes say against a pose is
     /// bounded by this, nats: that pose may have been wrong.
     pub most_astray: f64,
+    /// A pose that is trusted contradicts the one that was before, driven on, if
+    /// that speaks against it by more than this, nats: 8 is 99.9 % for three
+    /// degrees of freedom.
+    pub contradiction: f64,
     /// A pose costs nothing up to this distance from the survey's path, metres:
     /// two lanes and a pavement.
     pub road_m: f64,
@@ -86,6 +90,7 @@ impl Default for BankConfig {
             max_innovation: 11.2,
             max_surprise: 8.0,
             most_astray: 25.0,
+            contradiction: 8.0,
             road_m: 9.0,
             off_road_sigma_m: 2.0,
             alike_m: 0.4,

@@ -17,17 +17,33 @@ pub(super) struct Region {
     /// The last trusted pose, or the first fix, driven on, with the fixes that
     /// agree with it.
     trusted: Option<State>,
+    /// The pose that was trusted before, driven on, where the one that is now
+    /// contradicts it: one of the two was wrong, and only time tells which.
+    former: Option<State>,
     /// What fixes say that do not. Reflections hold for some of them, and a pose
     /// that was trusted may be wrong: then the camera may be in either place.
     told: Option<State>,
     /// Fixes in a row that do not agree.
     refused_fixes: usize,
+    /// Variance of the time between two images, s^2. Times that are off do not
+    /// add up: it is the first and the last that count.
+    time_variance_s2: f64,
 }
 
 impl Region {
-    /// Begins again at a pose that is trusted.
-    pub fn trust(&mut self, state: &State) {
-        *self = Self { trusted: Some(state.clone()), ..Self::default() };
+    /// Begins again at a pose that is trusted. What was trusted before goes on to
+    /// count where more than `contradiction` nats of it speak against this pose,
+    /// until one of those that follow is back there.
+    pub fn trust(&mut self, state: &State, contradiction: f64) {
+        let contradicts = |place: &State| half_distance2(place, state, self.time_variance_s2) > contradiction;
+        let is_back = self.former.as_ref().is_some_and(|former| !contradicts(former));
+        let trusted = self.trusted.replace(state.clone());
+        if is_back {
+            self.former = None;
+        } else if let Some(left) = trusted.filter(contradicts) {
+            self.former = Some(left);
+        }
+        (self.told, self.refused_fixes) = (None, 0);
     }
 
     /// Where to search: where the fixes say, once enough of them contradict what
@@ -44,16 +60,18 @@ impl Region {
     /// the plane and in heading from the nearer of the places, but no more than
     /// `most`.
     pub fn against(&self, state: &State, gps: &GpsConfig, most: f64) -> f64 {
-        let places = self.trusted.iter().chain(self.contradicting(gps));
-        places.map(|place| half_distance2(place, state)).reduce(f64::min).map_or(0.0, |nats| nats.min(most))
+        let places = self.trusted.iter().chain(&self.former).chain(self.contradicting(gps));
+        let nats = places.map(|place| half_distance2(place, state, self.time_variance_s2)).reduce(f64::min);
+        nats.map_or(0.0, |nats| nats.min(most))
     }
 
     fn drive(&mut self, mut drive: impl FnMut(&mut State)) {
-        self.trusted.iter_mut().chain(&mut self.told).for_each(&mut drive);
+        self.trusted.iter_mut().chain(&mut self.former).chain(&mut self.told).for_each(&mut drive);
     }
 
     fn take(&mut self, fix: &GpsFix, rough: &Rough, config: &Config) {
         let agrees = |place: &State| fix.offset(place, &config.gps).is_some();
+        self.former = self.former.take().filter(agrees);
         match &mut self.trusted {
             Some(trusted) if agrees(trusted) => {
                 take_in(trusted, rough);
@@ -82,10 +100,10 @@ fn take_in(place: &mut State, rough: &Rough) {
 impl Tracker<'_> {
     /// Keeps the region up in which the camera is, whatever is tracked.
     pub(super) fn follow_region(&mut self, dt_s: f64, input: &FrameInput<'_>) -> Result<()> {
-        let (config, variance_s2) = (&self.config, self.clock.variance_s2());
+        let config = &self.config;
+        self.region.time_variance_s2 = self.clock.variance_s2();
         self.region.drive(|place| {
             *place = place.driven(dt_s, input.odometry.as_ref(), &config.motion, &config.odometry);
-            place.doubt_time(variance_s2);
             let position = Point3::from(place.map_from_camera.translation.vector);
             if let Some(path) = self.map.nearest_path(&self.sight.candidates.roads, &position) {
                 keep_on_road(place, &path, &config.start);
@@ -113,14 +131,15 @@ impl Tracker<'_> {
 }
 
 /// Half the squared Mahalanobis distance of two states in the plane and in
-/// heading, both as uncertain as they are.
-fn half_distance2(a: &State, b: &State) -> f64 {
+/// heading, both as uncertain as they are, at times that are known to a variance.
+fn half_distance2(a: &State, b: &State, time_variance_s2: f64) -> f64 {
     const OF_ROAD: [usize; 3] = [0, 2, 4];
     let off = local(&a.map_from_camera, &b.map_from_camera);
     let off = Vector3::from_fn(|i, _| off[OF_ROAD[i]]);
+    let late = a.time_covariance(time_variance_s2);
     let both = Matrix3::from_fn(|i, j| {
         let at = (OF_ROAD[i], OF_ROAD[j]);
-        a.covariance[at] + b.covariance[at]
+        a.covariance[at] + b.covariance[at] + late[at]
     });
     Cholesky::new(both).map_or(0.0, |factor| 0.5 * off.dot(&factor.solve(&off)))
 }
@@ -163,6 +182,7 @@ mod tests {
     use super::*;
 
     const MOST: f64 = 25.0;
+    const CONTRADICTION: f64 = 8.0;
 
     /// A fix so far to the right of where the region begins, and what it says.
     fn fix(right_m: f64) -> (GpsFix, Rough) {
@@ -185,16 +205,47 @@ mod tests {
         assert!((1.0..2.3).contains(&variance_m2), "{variance_m2}");
     }
 
+    /// A state so far to the right, known to 0.15 m across.
+    fn at(right_m: f64, config: &Config) -> State {
+        let mut state = unknown_speed(&fix(right_m).1, config);
+        state.sharpen(0, 0.1);
+        state
+    }
+
+    #[test]
+    fn where_a_trusted_pose_contradicts_the_one_before_both_may_be_right() {
+        let (mut region, config) = (Region::default(), Config::default());
+        let against = |region: &Region, state: &State| region.against(state, &config.gps, MOST);
+        let (here, there, away) = (at(0.0, &config), at(4.0, &config), at(12.0, &config));
+        region.trust(&here, CONTRADICTION);
+        assert!((against(&region, &there) - MOST).abs() < 1e-9);
+        // A wrong lock does not speak against where it jumped from, however often
+        // it is trusted, but against all other places.
+        for _ in 0..3 {
+            region.trust(&there, CONTRADICTION);
+        }
+        assert!(against(&region, &here) < 1e-9 && against(&region, &there) < 1e-9);
+        assert!((against(&region, &away) - MOST).abs() < 1e-9);
+        // Once it is undone, it does not count any more.
+        region.trust(&here, CONTRADICTION);
+        assert!(against(&region, &here) < 1e-9 && (against(&region, &there) - MOST).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_fix_tells_which_of_the_trusted_poses_was_wrong() {
+        let (mut region, config) = (Region::default(), Config::default());
+        for right_m in [0.0, 20.0] {
+            region.trust(&at(right_m, &config), CONTRADICTION);
+        }
+        told(&mut region, 20.0, 1, &config);
+        assert!((region.against(&at(0.0, &config), &config.gps, MOST) - MOST).abs() < 1e-9);
+    }
+
     #[test]
     fn where_fixes_contradict_what_was_trusted_both_may_be_right() {
         let (mut region, config) = (Region::default(), Config::default());
-        let at = |right_m: f64| {
-            let mut state = unknown_speed(&fix(right_m).1, &config);
-            state.sharpen(0, 0.1);
-            state
-        };
-        let (here, there) = (at(0.0), at(20.0));
-        region.trust(&here);
+        let (here, there) = (at(0.0, &config), at(20.0, &config));
+        region.trust(&here, CONTRADICTION);
         let against = |region: &Region, state: &State| region.against(state, &config.gps, MOST);
         told(&mut region, 20.0, config.gps.believed_after - 1, &config);
         assert!(against(&region, &here) < 1e-9 && (against(&region, &there) - MOST).abs() < 1e-9);

@@ -236,7 +236,7 @@ fn assert_comes_back(off: Tangent, is_trusted: bool, frames: usize) {
             state.map_from_camera = retract(&state.map_from_camera, &off);
         }
         if let Some(best) = tracker.bank.first().filter(|_| frame == 50 && is_trusted) {
-            tracker.region.trust(&best.state);
+            tracker.region.trust(&best.state, tracker.config.bank.contradiction);
         }
     };
     let run = run(&world, &GpsConfig::default(), 1, &Mishap { before: &before, ..NONE });
@@ -261,6 +261,35 @@ fn a_pose_that_is_turned_and_tilted_is_found_back() {
         assert_comes_back(off, false, 3);
         assert_comes_back(off, true, 15);
     }
+}
+
+#[test]
+fn times_that_are_off_do_not_add_up_in_the_dark() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let config = Config::default();
+    let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, &config);
+    let mut step = |tracker: &mut Tracker<'_>, frame: usize, late_s: f64, features: &Features| {
+        let fix = GpsFix::from_pose(&world.truth[frame], &config.gps);
+        let gps = (frame < 2).then_some(&fix);
+        tracker.step(&FrameInput { time_s: time_s(frame) + late_s, features, gps, odometry: None }).unwrap();
+    };
+    // It is trusted before the times are off.
+    for frame in 0..40 {
+        let late_s = 0.03 * [1.0, -1.0][frame % 2];
+        step(&mut tracker, frame, if frame < 15 { 0.0 } else { late_s }, &world.features(frame));
+    }
+    assert!(tracker.clock.variance_s2() > 1e-4);
+    let mut reckoned = tracker.region.searched(&config.gps).unwrap().clone();
+    step(&mut tracker, 40, 0.0, &Features::default());
+    reckoned = reckoned.driven(0.1 + 0.03, None, &config.motion, &config.odometry);
+    for frame in 41..60 {
+        step(&mut tracker, frame, 0.0, &Features::default());
+        reckoned = reckoned.driven(0.1, None, &config.motion, &config.odometry);
+    }
+    let forward_m2 = |state: &crate::filter::State| state.covariance[(2, 2)];
+    let region = tracker.region.searched(&config.gps).unwrap();
+    assert!(forward_m2(region) < 1.01 * forward_m2(&reckoned), "{} {}", forward_m2(region), forward_m2(&reckoned));
 }
 
 #[test]

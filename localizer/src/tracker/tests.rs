@@ -269,7 +269,7 @@ fn times_that_are_off_do_not_add_up_in_the_dark() {
     let mut map = LocalMap::whole(world.map.clone());
     let config = Config::default();
     let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, &config);
-    let mut step = |tracker: &mut Tracker<'_>, frame: usize, late_s: f64, features: &Features| {
+    let step = |tracker: &mut Tracker<'_>, frame: usize, late_s: f64, features: &Features| {
         let fix = GpsFix::from_pose(&world.truth[frame], &config.gps);
         let gps = (frame < 2).then_some(&fix);
         tracker.step(&FrameInput { time_s: time_s(frame) + late_s, features, gps, odometry: None }).unwrap();

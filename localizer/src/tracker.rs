@@ -15,6 +15,7 @@ mod mean;
 mod nearby;
 mod region;
 mod rivals;
+mod sight;
 
 pub use bank::BankConfig;
 use clock::Clock;
@@ -27,7 +28,6 @@ pub use rivals::RivalConfig;
 use common::geometry::{PinholeCamera, Pose};
 
 use crate::Result;
-use crate::associate::matching::Scene;
 use crate::associate::robust::{Associator, Refined};
 use crate::config::Config;
 use crate::estimate::{PoseEstimate, Status};
@@ -35,12 +35,12 @@ use crate::features::Features;
 use crate::gps::GpsFix;
 use crate::local_map::LocalMap;
 use crate::odometry::Odometry;
-use crate::prepare::Prepared;
-use crate::preselect::{Candidates, Lookup, Reach};
+use crate::preselect::{Lookup, Reach};
 use crate::projection::ImageSize;
 use crate::start::Search;
 use hypothesis::Hypothesis;
 use region::Region;
+use sight::Sight;
 
 /// What one frame brings.
 #[derive(Debug, Clone, Copy)]
@@ -53,28 +53,6 @@ pub struct FrameInput<'a> {
     pub gps: Option<&'a GpsFix>,
     /// Mean motion since the frame before, where wheels and gyroscope say it.
     pub odometry: Option<Odometry>,
-}
-
-/// What a frame shows, and what it may show.
-#[derive(Debug)]
-struct Sight {
-    camera: PinholeCamera,
-    image: ImageSize,
-    features: Prepared,
-    candidates: Candidates,
-}
-
-impl Sight {
-    fn scene<'a>(&'a self, config: &'a Config) -> Scene<'a> {
-        Scene {
-            camera: &self.camera,
-            image: self.image,
-            features: &self.features,
-            candidates: &self.candidates,
-            noise: &config.noise,
-            detection: &config.detection,
-        }
-    }
 }
 
 /// The localizer of one drive.
@@ -119,7 +97,7 @@ impl<'a> Tracker<'a> {
             unfollowed_s: f64::INFINITY,
             associator: Associator::default(),
             search: Search::default(),
-            sight: Sight { camera: *camera, image, features: Prepared::default(), candidates: Candidates::default() },
+            sight: Sight::new(camera, image),
             rivals: Vec::new(),
             said: None,
         }
@@ -134,7 +112,8 @@ impl<'a> Tracker<'a> {
         self.map.next_frame()?;
         let dt_s = self.last_time_s.map_or(0.0, |last_s| (input.time_s - last_s).max(0.0));
         self.last_time_s = Some(input.time_s);
-        self.sight.features.fill(input.features);
+        let shows_the_same = self.sight.look(input.features);
+        self.clock.tick(dt_s, shows_the_same, &self.config.clock);
         self.unfollowed_s += dt_s;
         self.predict(dt_s, input.odometry.as_ref());
         self.follow_region(dt_s, input)?;

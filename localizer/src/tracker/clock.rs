@@ -29,11 +29,18 @@ pub struct ClockConfig {
     /// `localizer run` tells of times that are off by this in half of the
     /// frames, seconds: at 10 m/s 5 cm.
     pub told_sigma_s: f64,
+    /// An image that comes sooner than this share of the usual time after the
+    /// one before is too soon.
+    pub soonest: f64,
 }
+
+/// Share of the newest in the mean time between two images: of about the last
+/// four.
+const NEWEST_SHARE: f64 = 0.25;
 
 impl Default for ClockConfig {
     fn default() -> Self {
-        Self { frames: 20, max_sigma_s: 0.1, told_sigma_s: 0.005 }
+        Self { frames: 20, max_sigma_s: 0.1, told_sigma_s: 0.005, soonest: 0.6 }
     }
 }
 
@@ -72,19 +79,38 @@ pub struct Clock {
     asked: VecDeque<(f64, f64)>,
     /// Buffer of the same, by the variance.
     sorted: Vec<(f64, f64)>,
-    /// Variance of the time between two images, s^2.
-    variance_s2: f64,
+    /// Variance of the time between two images by these, s^2.
+    learnt_s2: f64,
+    /// Variance that the last image asks for by its time alone, s^2.
+    hurried_s2: f64,
+    /// Mean time between two images, the last ones most, seconds.
+    interval_s: f64,
 }
 
 impl Clock {
     /// Variance of the time between two images, s^2.
     pub fn variance_s2(&self) -> f64 {
-        self.variance_s2
+        self.learnt_s2.max(self.hurried_s2)
     }
 
     /// Variance of the time of an image, s^2: half of that between two.
     pub fn image_variance_s2(&self) -> f64 {
-        0.5 * self.variance_s2
+        0.5 * self.variance_s2()
+    }
+
+    /// Takes in that an image is of `dt_s` after the one before. Cameras keep
+    /// their pace, and may miss an image: one that comes far too soon and shows
+    /// something else was taken at another time than it says, by half of what is
+    /// missing at a guess.
+    pub fn tick(&mut self, dt_s: f64, shows_the_same: bool, config: &ClockConfig) {
+        let too_soon = dt_s < config.soonest * self.interval_s && !shows_the_same;
+        let half_s = if too_soon { 0.5 * (self.interval_s - dt_s) } else { 0.0 };
+        self.hurried_s2 = half_s.min(config.max_sigma_s).powi(2);
+        if self.interval_s <= 0.0 {
+            self.interval_s = dt_s;
+        } else if dt_s > 0.0 {
+            self.interval_s += NEWEST_SHARE * (dt_s - self.interval_s);
+        }
     }
 
     /// Learns from a frame. With the gain `K` of the forward position, of which
@@ -105,7 +131,7 @@ impl Clock {
         while self.asked.len() >= config.frames.max(1) {
             self.asked.pop_front();
         }
-        self.asked.push_back((surplus_m2 / weight + self.variance_s2, weight));
+        self.asked.push_back((surplus_m2 / weight + self.variance_s2(), weight));
         self.sorted.clear();
         self.sorted.extend(&self.asked);
         self.sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
@@ -115,7 +141,7 @@ impl Clock {
             left <= 0.0
         });
         let most_s2 = config.max_sigma_s * config.max_sigma_s;
-        self.variance_s2 = median_s2.map_or(0.0, |(asked_s2, _)| asked_s2.max(0.0).min(most_s2));
+        self.learnt_s2 = median_s2.map_or(0.0, |(asked_s2, _)| asked_s2.max(0.0).min(most_s2));
     }
 }
 
@@ -179,6 +205,25 @@ mod tests {
         assert!(fifth_s < 0.005, "{fifth_s}");
         let exact = ClockConfig { max_sigma_s: 0.0, ..config };
         assert!(learnt_s(in_turn(0.05), &exact).iter().all(|s| *s <= 0.0));
+    }
+
+    #[test]
+    fn a_time_that_comes_too_soon_is_doubted() {
+        let config = ClockConfig::default();
+        let mut clock = Clock::default();
+        let mut told_s = |dt_s: f64, shows_the_same: bool| {
+            clock.tick(dt_s, shows_the_same, &config);
+            clock.variance_s2().sqrt()
+        };
+        assert!(told_s(0.0, false) <= 0.0, "nothing is known of the first");
+        assert!(told_s(0.1, false) <= 0.0 && told_s(0.08, false) <= 0.0);
+        assert!(told_s(0.0, true) <= 0.0, "it comes again");
+        let late_s = told_s(0.0, false);
+        assert!((0.03..0.06).contains(&late_s), "{late_s}");
+        // One image was missed.
+        assert!(told_s(0.2, false) <= 0.0 && told_s(0.1, false) <= 0.0);
+        told_s(3.0, false);
+        assert!(told_s(0.0, false) <= config.max_sigma_s);
     }
 
     #[test]

@@ -21,6 +21,12 @@ pub struct GpsConfig {
     pub horizontal_sigma_m: f64,
     /// Heading, degrees.
     pub heading_sigma_deg: f64,
+    /// Where the heading is the course over ground (TUM lines): standard
+    /// deviation of the velocity across the vehicle, metres per second. The
+    /// receiver's is 0.1 to 0.2, and a camera 1.5 m ahead of the axle goes
+    /// sideways by 0.3 where the vehicle turns at 0.2 rad/s. 0 for headings that
+    /// are measured.
+    pub course_sigma_m_s: f64,
     /// Fixes that are simulated, from the first frame on; the paper's 2.
     pub simulated_fixes: usize,
     /// Fixes bound the pose wherever it is known less well than they are.
@@ -39,6 +45,7 @@ impl Default for GpsConfig {
         Self {
             horizontal_sigma_m: 1.5,
             heading_sigma_deg: 2.0,
+            course_sigma_m_s: 0.35,
             simulated_fixes: 2,
             fuse: false,
             refused_sigmas: 4.0,
@@ -57,6 +64,8 @@ pub struct GpsFix {
     pub horizontal_sigma_m: f64,
     /// Heading about the down axis and its standard deviation, radians.
     pub heading: Option<(f64, f64)>,
+    /// The heading is the course over ground: of little worth at walking pace.
+    pub is_course: bool,
 }
 
 impl GpsFix {
@@ -68,7 +77,15 @@ impl GpsFix {
             position_map: Point3::from(map_from_camera.translation.vector),
             horizontal_sigma_m: config.horizontal_sigma_m,
             heading: Some((parameters.yaw_rad, config.heading_sigma_deg.to_radians())),
+            is_course: false,
         }
+    }
+
+    /// The heading at a speed, and how well it is known then, radians.
+    pub fn heading_at(&self, speed_m_s: f64, config: &GpsConfig) -> Option<(f64, f64)> {
+        let across_m_s = if self.is_course { config.course_sigma_m_s } else { 0.0 };
+        let turned_rad = across_m_s.atan2(speed_m_s.abs());
+        self.heading.map(|(yaw_rad, sigma_rad)| (yaw_rad, sigma_rad.hypot(turned_rad)))
     }
 
     /// How far the fix is from a state's position, right and forward, metres;
@@ -135,7 +152,15 @@ pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<BTreeMap
         if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
             return Err(bad_number(path, line, &bad.to_string()));
         }
-        fixes.insert(frame, GpsFix { position_map, horizontal_sigma_m: config.horizontal_sigma_m, heading });
+        fixes.insert(
+            frame,
+            GpsFix {
+                position_map,
+                horizontal_sigma_m: config.horizontal_sigma_m,
+                heading,
+                is_course: values.len() == 8,
+            },
+        );
     }
     Ok(fixes)
 }
@@ -193,6 +218,17 @@ mod tests {
         let none = "nan ".repeat(12);
         let fixes = read_text(&format!("{none}\n1 0 0 5 0 1 0 6 0 0 1 7\n")).unwrap();
         assert_eq!(fixes.keys().copied().collect::<Vec<_>>(), [1]);
+    }
+
+    #[test]
+    fn a_course_says_little_of_the_heading_at_walking_pace() {
+        let fixes = read_text("0.1 1 2 3 0 0 0 1\n").unwrap();
+        let sigma_deg = |speed_m_s| fixes[&1].heading_at(speed_m_s, &GpsConfig::default()).unwrap().1.to_degrees();
+        assert!((1.99..2.5).contains(&sigma_deg(20.0)), "{}", sigma_deg(20.0));
+        assert!((18.0..22.0).contains(&sigma_deg(1.0)) && sigma_deg(0.0) > 80.0, "{}", sigma_deg(1.0));
+        // A heading that is measured is known at a standstill, too.
+        let measured = read_text("1 0 0 5 0 1 0 6 0 0 1 7\n").unwrap();
+        assert!((measured[&0].heading_at(0.0, &GpsConfig::default()).unwrap().1.to_degrees() - 2.0).abs() < 1e-9);
     }
 
     #[test]

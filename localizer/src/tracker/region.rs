@@ -11,6 +11,9 @@ use crate::filter::State;
 use crate::gps::{GpsConfig, GpsFix};
 use crate::start::{Rough, keep_on_road};
 
+/// Speed of a vehicle that sets off: the least at which receivers tell a course.
+const SETS_OFF_M_S: f64 = 1.0;
+
 /// Where the camera is by the last trusted pose and by fixes.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Region {
@@ -25,6 +28,8 @@ pub(super) struct Region {
     told: Option<State>,
     /// Fixes in a row that do not agree.
     refused_fixes: usize,
+    /// Position of the last fix, and the time since then, seconds.
+    heard: Option<(Point3<f64>, f64)>,
     /// Variance of the time between two images, s^2. Times that are off do not
     /// add up: it is the first and the last that count.
     time_variance_s2: f64,
@@ -65,11 +70,22 @@ impl Region {
         nats.map_or(0.0, |nats| nats.min(most))
     }
 
-    fn drive(&mut self, mut drive: impl FnMut(&mut State)) {
+    fn drive(&mut self, dt_s: f64, mut drive: impl FnMut(&mut State)) {
+        if let Some((_, since_s)) = &mut self.heard {
+            *since_s += dt_s;
+        }
         self.trusted.iter_mut().chain(&mut self.former).chain(&mut self.told).for_each(&mut drive);
     }
 
+    /// How fast the vehicle went from the last fix to this one, m/s. Before
+    /// there are two, it may have just set off.
+    fn speed_to(&self, fix: &GpsFix) -> f64 {
+        let way_m = |from: &Point3<f64>| (fix.position_map - from).xz().norm();
+        self.heard.filter(|(_, since_s)| *since_s > 0.0).map_or(SETS_OFF_M_S, |(from, since_s)| way_m(&from) / since_s)
+    }
+
     fn take(&mut self, fix: &GpsFix, rough: &Rough, config: &Config) {
+        self.heard = Some((fix.position_map, 0.0));
         let agrees = |place: &State| fix.offset(place, &config.gps).is_some();
         self.former = self.former.take().filter(agrees);
         match &mut self.trusted {
@@ -102,7 +118,7 @@ impl Tracker<'_> {
     pub(super) fn follow_region(&mut self, dt_s: f64, input: &FrameInput<'_>) -> Result<()> {
         let config = &self.config;
         self.region.time_variance_s2 = self.clock.variance_s2();
-        self.region.drive(|place| {
+        self.region.drive(dt_s, |place| {
             *place = place.driven(dt_s, input.odometry.as_ref(), &config.motion, &config.odometry);
             let position = Point3::from(place.map_from_camera.translation.vector);
             if let Some(path) = self.map.nearest_path(&self.sight.candidates.roads, &position) {
@@ -110,13 +126,15 @@ impl Tracker<'_> {
             }
         });
         if let Some(fix) = input.gps {
-            let rough = self.rough_from(fix)?;
+            let shown_m_s = input.odometry.and_then(|shown| shown.speed_m_s);
+            let speed_m_s = shown_m_s.unwrap_or_else(|| self.region.speed_to(fix));
+            let rough = self.rough_from(fix, speed_m_s)?;
             self.region.take(fix, &rough, &self.config);
         }
         Ok(())
     }
 
-    fn rough_from(&mut self, fix: &GpsFix) -> Result<Rough> {
+    fn rough_from(&mut self, fix: &GpsFix, speed_m_s: f64) -> Result<Rough> {
         let reach_m = self.config.start.path_reach_m;
         self.map.roads_near(&fix.position_map, reach_m, &mut self.sight.candidates.roads)?;
         Ok(Rough::from_fix(
@@ -124,7 +142,7 @@ impl Tracker<'_> {
             &self.sight.candidates.roads,
             &fix.position_map,
             fix.horizontal_sigma_m,
-            fix.heading,
+            fix.heading_at(speed_m_s, &self.config.gps),
             &self.config.start,
         ))
     }
@@ -187,7 +205,7 @@ mod tests {
     /// A fix so far to the right of where the region begins, and what it says.
     fn fix(right_m: f64) -> (GpsFix, Rough) {
         let position_map = Point3::new(right_m, 0.0, 0.0);
-        let fix = GpsFix { position_map, horizontal_sigma_m: 1.5, heading: Some((0.0, 0.03)) };
+        let fix = GpsFix { position_map, horizontal_sigma_m: 1.5, heading: Some((0.0, 0.03)), is_course: false };
         let map_from_camera = retract(&Pose::identity(), &(Tangent::x() * right_m));
         (fix, Rough { map_from_camera, sigmas: Vector6::new(1.5, 0.2, 1.5, 0.03, 0.03, 0.03) })
     }

@@ -109,7 +109,8 @@ impl Clock {
         if self.interval_s <= 0.0 {
             self.interval_s = dt_s;
         } else if dt_s > 0.0 {
-            self.interval_s += NEWEST_SHARE * (dt_s - self.interval_s);
+            // A pause is no pace.
+            self.interval_s += NEWEST_SHARE * (dt_s.min(3.0 * self.interval_s) - self.interval_s);
         }
     }
 
@@ -222,8 +223,14 @@ mod tests {
         assert!((0.03..0.06).contains(&late_s), "{late_s}");
         // One image was missed.
         assert!(told_s(0.2, false) <= 0.0 && told_s(0.1, false) <= 0.0);
-        told_s(3.0, false);
-        assert!(told_s(0.0, false) <= config.max_sigma_s);
+        // A pause, and a camera that is slower from then on.
+        for dt_s in [0.1; 10].into_iter().chain([3.0, 0.1, 0.1]) {
+            assert!(told_s(dt_s, false) <= 0.0);
+        }
+        for _ in 0..20 {
+            told_s(3.0, false);
+        }
+        assert!((told_s(0.1, false) - config.max_sigma_s).abs() < 1e-9);
     }
 
     #[test]

@@ -24,7 +24,7 @@ struct Arguments {
     /// What is farther from the driven path does not count, metres.
     #[arg(long, value_name = "M", default_value_t = 20.0)]
     within: f64,
-    /// Name each pole that is missing or wrong.
+    /// Name each pole, sign and light that is missing or wrong.
     #[arg(long)]
     list: bool,
 }
@@ -69,6 +69,14 @@ fn print(score: &MapScore, arguments: &Arguments) {
         }
         for pole in &score.wrong {
             common::say!("wrong  x {:8.2}  z {:8.2}  {}", pole.foot_map.x, pole.foot_map.z, pole.kind.name());
+        }
+        for sign in &score.missed_signs {
+            let [x, y, z] = sign.centroid_map_m;
+            common::say!("missed x {x:8.2}  z {z:8.2}  {}, y {y:.2}, {:.2} m large", sign.kind, sign.size_m);
+        }
+        for sign in &score.wrong_signs {
+            let p = &sign.centroid_map;
+            common::say!("wrong  x {:8.2}  z {:8.2}  {}, y {:.2}", p.x, p.z, sign.kind.name(), p.y);
         }
     }
 }

@@ -4,7 +4,7 @@ mod lanes;
 
 use common::geometry::{Pose, above, nearest_rotation};
 use common::map::{Pole, PoleKind, SemanticMap, Sign, SignKind};
-use fixtures::truth::{TruePole, Truth};
+use fixtures::truth::{TruePole, TrueSign, Truth};
 use nalgebra::{Matrix3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::matching::one_to_one;
@@ -74,6 +74,10 @@ pub struct MapScore {
     pub missed: Vec<TruePole>,
     /// Poles of the map that are none.
     pub wrong: Vec<Pole>,
+    /// True signs and lights that are missing.
+    pub missed_signs: Vec<TrueSign>,
+    /// Signs and lights of the map that are none.
+    pub wrong_signs: Vec<Sign>,
 }
 
 /// Scores a map against the truth within `within_m` of the exact path (poses
@@ -83,15 +87,8 @@ pub fn score(map: &SemanticMap, truth: &Truth, exact: &[Pose], within_m: f64) ->
     let counts = |p: &Point3<f64>| path.iter().any(|at| (at - above(p)).norm() < within_m);
     let mut score = MapScore::default();
     poles(map, truth, &counts, &mut score);
-    for (kind, name, found) in [
-        (SignKind::TrafficSign, "traffic_sign", &mut score.signs),
-        (SignKind::TrafficLight, "traffic_light", &mut score.lights),
-    ] {
-        let wanted: Vec<Point3<f64>> =
-            truth.signs.iter().filter(|sign| sign.kind == name).map(|sign| sign.centroid_map_m.into()).collect();
-        let claimed: Vec<&Sign> = map.signs.iter().filter(|sign| sign.kind == kind).collect();
-        *found = signs(&claimed, &wanted, &counts);
-    }
+    score.signs = signs(map, truth, SignKind::TrafficSign, &counts, &mut score);
+    score.lights = signs(map, truth, SignKind::TrafficLight, &counts, &mut score);
     (score.lanes, score.lane_kinds) = lanes(map, truth, &counts);
     score.marks = marks(map, truth, &counts);
     score
@@ -211,23 +208,42 @@ fn trunk_kinds(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -
     found
 }
 
-fn signs(claimed: &[&Sign], wanted: &[Point3<f64>], counts: &dyn Fn(&Point3<f64>) -> bool) -> Found {
-    let nearest = |from: &Point3<f64>, to: &mut dyn Iterator<Item = Point3<f64>>| {
+/// Signs of one kind; those that are missing or wrong are appended to the score's.
+fn signs(
+    map: &SemanticMap,
+    truth: &Truth,
+    kind: SignKind,
+    counts: &dyn Fn(&Point3<f64>) -> bool,
+    score: &mut MapScore,
+) -> Found {
+    let name = match kind {
+        SignKind::TrafficSign => "traffic_sign",
+        SignKind::TrafficLight => "traffic_light",
+    };
+    let wanted = || truth.signs.iter().filter(|sign| sign.kind == name);
+    let claimed = || map.signs.iter().filter(|sign| sign.kind == kind);
+    let nearest_m = |from: &Point3<f64>, to: &mut dyn Iterator<Item = Point3<f64>>| {
         to.map(|p| (p - from).norm()).fold(f64::INFINITY, f64::min)
     };
     let mut found = Found::default();
     let mut squares = Vec::new();
-    for truth in wanted.iter().filter(|p| counts(p)) {
-        let off_m = nearest(truth, &mut claimed.iter().map(|sign| sign.centroid_map));
+    for sign in wanted().filter(|sign| counts(&sign.centroid_map_m.into())) {
+        let off_m = nearest_m(&sign.centroid_map_m.into(), &mut claimed().map(|sign| sign.centroid_map));
         found.wanted += 1.0;
         if off_m < SIGN_WITHIN_M {
             found.hits += 1.0;
             squares.push(off_m * off_m);
+        } else {
+            score.missed_signs.push(sign.clone());
         }
     }
-    for sign in claimed.iter().filter(|sign| counts(&sign.centroid_map)) {
+    for sign in claimed().filter(|sign| counts(&sign.centroid_map)) {
         found.claimed += 1.0;
-        found.right += f64::from(u8::from(nearest(&sign.centroid_map, &mut wanted.iter().copied()) < SIGN_WITHIN_M));
+        if nearest_m(&sign.centroid_map, &mut wanted().map(|sign| sign.centroid_map_m.into())) < SIGN_WITHIN_M {
+            found.right += 1.0;
+        } else {
+            score.wrong_signs.push(*sign);
+        }
     }
     found.off_m = rms(&squares);
     found

@@ -38,6 +38,11 @@ pub struct ClockConfig {
 /// four.
 const NEWEST_SHARE: f64 = 0.25;
 
+/// A time between two images that is longer than so many usual ones is a pause,
+/// and says as little of the pace as one of these. Twice would not do: times that
+/// are early and late in turn are as long.
+const LONGEST: f64 = 3.0;
+
 impl Default for ClockConfig {
     fn default() -> Self {
         Self { frames: 20, max_sigma_s: 0.1, told_sigma_s: 0.005, soonest: 0.6 }
@@ -109,8 +114,7 @@ impl Clock {
         if self.interval_s <= 0.0 {
             self.interval_s = dt_s;
         } else if dt_s > 0.0 {
-            // A pause is no pace.
-            self.interval_s += NEWEST_SHARE * (dt_s.min(3.0 * self.interval_s) - self.interval_s);
+            self.interval_s += NEWEST_SHARE * (dt_s.min(LONGEST * self.interval_s) - self.interval_s);
         }
     }
 

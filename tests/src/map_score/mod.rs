@@ -4,7 +4,7 @@ mod lanes;
 
 use common::geometry::{Pose, above, nearest_rotation};
 use common::map::{Pole, PoleKind, SemanticMap, Sign, SignKind};
-use fixtures::truth::{TruePole, TrueSign, Truth};
+use fixtures::truth::{TruePole, TrueSign, Truth, sign_name};
 use nalgebra::{Matrix3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::matching::one_to_one;
@@ -216,11 +216,7 @@ fn signs(
     counts: &dyn Fn(&Point3<f64>) -> bool,
     score: &mut MapScore,
 ) -> Found {
-    let name = match kind {
-        SignKind::TrafficSign => "traffic_sign",
-        SignKind::TrafficLight => "traffic_light",
-    };
-    let wanted = || truth.signs.iter().filter(|sign| sign.kind == name);
+    let wanted = || truth.signs.iter().filter(|sign| sign.kind == sign_name(kind));
     let claimed = || map.signs.iter().filter(|sign| sign.kind == kind);
     let nearest_m = |from: &Point3<f64>, to: &mut dyn Iterator<Item = Point3<f64>>| {
         to.map(|p| (p - from).norm()).fold(f64::INFINITY, f64::min)

@@ -87,10 +87,10 @@ impl Region {
     fn take(&mut self, fix: &GpsFix, rough: &Rough, config: &Config) {
         self.heard = Some((fix.position_map, 0.0));
         let agrees = |place: &State| fix.offset(place, &config.gps).is_some();
-        self.former = self.former.take().filter(agrees);
         match &mut self.trusted {
             Some(trusted) if agrees(trusted) => {
                 take_in(trusted, rough);
+                self.former = self.former.take().filter(agrees);
                 (self.told, self.refused_fixes) = (None, 0);
             }
             Some(_) => {
@@ -255,8 +255,12 @@ mod tests {
         for right_m in [0.0, 20.0] {
             region.trust(&at(right_m, &config), CONTRADICTION);
         }
+        let against = |region: &Region| region.against(&at(0.0, &config), &config.gps, MOST);
+        // A reflection contradicts both, and tells nothing.
+        told(&mut region, 60.0, 1, &config);
+        assert!(against(&region) < 1e-9);
         told(&mut region, 20.0, 1, &config);
-        assert!((region.against(&at(0.0, &config), &config.gps, MOST) - MOST).abs() < 1e-9);
+        assert!((against(&region) - MOST).abs() < 1e-9);
     }
 
     #[test]

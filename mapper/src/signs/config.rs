@@ -46,7 +46,7 @@ impl Default for SignConfig {
             lowest_m: 1.2,
             join_m: 0.35,
             plate_gap_m: 0.05,
-            least_bright_share: 0.4,
+            least_bright_share: 0.3,
             fewest_points: 10,
             fewest_scans: 2,
             largest_following: 0.2,
@@ -74,7 +74,7 @@ pub struct OutlineConfig {
     /// than twice this make no plate and no gap.
     pub edge_cost: f64,
     /// Share of a plate's rows that are odd for reasons of their own, as those are
-    /// from far behind: two plates without a gap must explain more than these.
+    /// from far behind.
     pub odd_share: f64,
     /// Rows of one scan that weigh as much as what is known of all scans, that
     /// `odd_share` of a plate's rows are hidden: a second one among five is no
@@ -86,6 +86,14 @@ pub struct OutlineConfig {
     /// What a row costs of which only one end is where a plate's is, as the other
     /// is hidden: three such are as odd as one that fits nowhere.
     pub hidden_cost: f64,
+    /// What another plate on the same post costs, in rows that do not fit: its form and
+    /// its place, less what many signs have one.
+    pub stacked_cost: f64,
+    /// And this for each row: of many, more are odd together by chance.
+    pub stacked_share: f64,
+    /// Standard deviation of the logarithm of a plate's height over its width: nine in
+    /// ten are from 0.6 to 1.6 times as high as they are wide.
+    pub aspect_spread: f64,
     /// Least height of plates that stand on each other, metres, between their
     /// outermost rows: those at the edge of one, half on it, are no other.
     pub least_stacked_m: f64,
@@ -127,6 +135,9 @@ impl Default for OutlineConfig {
             telling_rows: 5.0,
             most_missed: 6.0,
             hidden_cost: 0.3,
+            stacked_cost: 2.0,
+            stacked_share: 0.03,
+            aspect_spread: 0.3,
             least_stacked_m: 0.12,
             least_cosine: 0.5,
             open_m: 0.15,
@@ -162,10 +173,14 @@ pub struct BackConfig {
     pub thickest_m: f64,
     /// Fewest long rows.
     pub fewest_rows: usize,
+    /// The same on a post that carries another sign: signs come in twos and threes.
+    pub fewest_rows_beside: usize,
     /// Fewest scans.
     pub fewest_scans: usize,
     /// Least share of the rows between its edges that are long.
     pub least_agreement: f64,
+    /// The same on a post that carries another sign.
+    pub least_agreement_beside: f64,
     /// Fewest rows on the bare post below it.
     pub fewest_post_rows: usize,
     /// Least width of its rows over those of the bare post below it: those of a
@@ -183,8 +198,10 @@ impl Default for BackConfig {
             largest_aspect: 3.0,
             thickest_m: 0.05,
             fewest_rows: 5,
+            fewest_rows_beside: 4,
             fewest_scans: 2,
             least_agreement: 0.8,
+            least_agreement_beside: 0.7,
             fewest_post_rows: 4,
             least_over_post: 1.6,
         }
@@ -212,8 +229,8 @@ pub struct LightConfig {
     /// Farthest hit of a box from the axis, metres: half its depth and its visors
     /// reach 0.45 m.
     pub reach_m: f64,
-    /// Least and largest height of what is seen of a box, metres: a part of two
-    /// lenses of 0.2 m, and four of 0.3 m.
+    /// Least and largest height of what is seen of a box, metres: half
+    /// a lens of 0.2 m, and four of 0.3 m.
     pub seen_m: [f64; 2],
     /// Usual heights of boxes with two and with three lenses of 0.2 m, metres:
     /// upper edges are seldom seen, as 20 m off the highest beam is 2.4 m up.
@@ -239,6 +256,8 @@ pub struct LightConfig {
     pub longest_gap_m: f64,
     /// Fewest hits on the box.
     pub fewest_hits: usize,
+    /// The same where all of them are dark, or so many more than must be.
+    pub fewest_all_dark: usize,
     /// Fewest scans with hits on the box.
     pub fewest_scans: usize,
 }
@@ -252,7 +271,7 @@ impl Default for LightConfig {
             least_dark_share: 0.7,
             off_post_m: 0.06,
             reach_m: 0.5,
-            seen_m: [0.25, 1.4],
+            seen_m: [0.1, 1.4],
             usual_heights_m: [0.6, 0.9],
             width_m: [0.1, 0.4],
             depth_m: 0.24,
@@ -262,7 +281,8 @@ impl Default for LightConfig {
             own_share: 0.15,
             longest_gap_m: 0.25,
             fewest_hits: 20,
-            fewest_scans: 3,
+            fewest_all_dark: 9,
+            fewest_scans: 2,
         }
     }
 }

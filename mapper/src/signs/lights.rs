@@ -43,15 +43,17 @@ pub fn lights_on(rows: &[Row], axis: &Axis, config: &SignConfig) -> Vec<FoundSig
 
 /// The lights among hits beside a post, sorted by height, from above.
 fn lights_beside(beside: &[Beside], axis: &Axis, lights: &LightConfig) -> Vec<FoundSign> {
-    let dark_gain = |hit: &Beside| {
-        if hit.is_dark { 1.0 } else { -lights.least_dark_share / (1.0 - lights.least_dark_share) }
-    };
     let mut found = Vec::new();
-    for level in runs(beside, &dark_gain, lights).into_iter().rev() {
+    for level in dark_runs(beside, lights).into_iter().rev() {
         let is_below = !found.is_empty();
         found.extend(lights_among(&beside[level], is_below, axis, lights));
     }
     found
+}
+
+/// What a hit says for a housing, in dark hits: nothing where as many are dark as must be.
+fn dark_gain(hit: &Beside, lights: &LightConfig) -> f64 {
+    if hit.is_dark { 1.0 } else { -lights.least_dark_share / (1.0 - lights.least_dark_share) }
 }
 
 /// One or two lights among hits of which most are dark, sorted by height.
@@ -90,16 +92,16 @@ fn hits_beside<'a>(row: &'a Row, axis: &'a Axis, config: &'a LightConfig) -> imp
     })
 }
 
-/// The runs of hits, sorted by height, that gain most, and then of those below and
-/// above them, from below.
-fn runs(sorted: &[Beside], gain: &impl Fn(&Beside) -> f64, config: &LightConfig) -> Vec<Range<usize>> {
-    let gains: Vec<f64> = sorted.iter().map(gain).collect();
+/// The runs of hits, sorted by height, that are dark most of all, and then those below
+/// and above them, from below.
+fn dark_runs(sorted: &[Beside], config: &LightConfig) -> Vec<Range<usize>> {
+    let gains: Vec<f64> = sorted.iter().map(|hit| dark_gain(hit, config)).collect();
     let mut found = Vec::new();
     let mut open: Vec<Range<usize>> = std::iter::once(0..sorted.len()).collect();
     while let Some(within) = open.pop() {
         let Some(best) = best_run(&sorted[within.clone()], &gains[within.clone()], config) else { continue };
         let best = within.start + best.start..within.start + best.end;
-        if best.len() >= config.fewest_hits {
+        if best.len() >= config.fewest_all_dark {
             open.extend([within.start..best.start, best.end..within.end]);
             found.push(best);
         }
@@ -189,9 +191,6 @@ fn parting(sorted: &[Beside], config: &LightConfig) -> Option<usize> {
 
 /// The light whose housing has these hits; `usual_m` is how high it is mostly.
 fn light(hits: &[Beside], all: &[Beside], axis: &Axis, usual_m: f64, lights: &LightConfig) -> Option<FoundSign> {
-    if hits.len() < lights.fewest_hits {
-        return None;
-    }
     let mut scans: Vec<u16> = hits.iter().map(|h| h.scan).collect();
     scans.sort_unstable();
     scans.dedup();
@@ -201,8 +200,11 @@ fn light(hits: &[Beside], all: &[Beside], axis: &Axis, usual_m: f64, lights: &Li
     let (near, far) = spread(hits.iter().map(|h| h.middle.y))?;
     let width_m = (right - left).max(far - near);
     let level = all.iter().filter(|h| h.height >= low && h.height <= high);
-    let dark = level.clone().filter(|h| h.is_dark).count() as f64 / level.count().max(1) as f64;
-    let is_light = scans.len() >= lights.fewest_scans
+    let dark_hits = level.clone().filter(|h| h.is_dark).count() as f64;
+    let dark = dark_hits / level.clone().count().max(1) as f64;
+    let evidence: f64 = level.map(|h| dark_gain(h, lights)).sum();
+    let is_light = (hits.len() >= lights.fewest_hits || evidence >= lights.fewest_all_dark as f64)
+        && scans.len() >= lights.fewest_scans
         && dark >= lights.least_dark_share
         && lowest >= lights.lowest_m
         && (lights.width_m[0]..=lights.width_m[1]).contains(&width_m)
@@ -273,5 +275,15 @@ mod tests {
         let found = lights([below, post, light].concat());
         let [light] = &found[..] else { panic!("{found:?}") };
         assert!((-light.centroid.y - 2.95).abs() < 0.05, "{light:?}");
+    }
+
+    #[test]
+    fn few_hits_are_a_light_where_all_are_dark() {
+        let seen = |dark: f64, other: f64| {
+            let heights_m = (2.2, 2.4);
+            let other = hits((0.2, 0.0), heights_m, other, false);
+            lights([hits((0.2, 0.0), heights_m, dark, true), other].concat()).len()
+        };
+        assert_eq!((seen(60.0, 0.0), seen(30.0, 0.0), seen(60.0, 15.0)), (1, 0, 0));
     }
 }

@@ -69,6 +69,12 @@ impl Axis {
         hit.at - (self.at(hit.height) - hit.from_lidar * self.before_m)
     }
 
+    /// The axis in the surface that some hits are on, as it lies from where they were seen.
+    pub fn on_surface(self, hits: &[Hit]) -> Self {
+        let view = hits.iter().map(|h| h.from_lidar).sum::<Vector2<f64>>() / hits.len().max(1) as f64;
+        Self { base: self.base - view * self.before_m, before_m: 0.0, ..self }
+    }
+
     /// Distance of a hit from the axis across the view, metres.
     #[inline]
     pub fn across_m(&self, hit: &Hit) -> f64 {

@@ -224,7 +224,8 @@ pub struct PoleConfig {
     /// Largest extent of such a reflector along the ground, metres: those of
     /// vehicles and their plates are wider.
     pub widest_reflector_m: f64,
-    /// Heights of signs, metres above ground: posts are looked for under them.
+    /// Heights of signs, metres above ground: posts are looked for under them, and
+    /// plates that are lower are boxes, people and boards of fences.
     pub sheet_m: [f64; 2],
     /// Largest width of a sign on one post, metres: wider ones have two.
     pub widest_sheet_m: f64,
@@ -241,6 +242,12 @@ pub struct PoleConfig {
     pub open_lamp_top_m: f64,
     /// Radius from which on anything is a trunk, metres.
     pub trunk_radius_m: f64,
+    /// Least width of a plate that may be all that is seen of its post, metres: stems of
+    /// masts are narrower.
+    pub least_plate_m: f64,
+    /// Share of the variance that the hits on a stem have along the view, beyond noise,
+    /// below which something is flat.
+    pub flat_share: f64,
     /// What tells trees from posts else.
     pub trees: TreeConfig,
     /// Whether trunks go into the map, under their own semantic: trees change,
@@ -341,6 +348,8 @@ impl Default for PoleConfig {
             lamp_top_m: 4.5,
             open_lamp_top_m: 2.8,
             trunk_radius_m: 0.18,
+            least_plate_m: 0.3,
+            flat_share: 0.5,
             trees: TreeConfig::default(),
             keep_trunks: true,
         }

@@ -4,6 +4,7 @@ use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
 use super::axis::{Axis, Hit, Plumb, SHELL_SPREAD, Shared, above, radius_across, ransac, refine, slim};
 use super::fences::{Spot, may_be_of_fence, rail};
+use super::flat::is_plate;
 use super::{PoleConfig, Stack, looks_like_pole};
 use crate::cloud::{Cloud, CloudPoint};
 use crate::lidar::{LidarConfig, View, Viewpoint};
@@ -48,6 +49,9 @@ pub struct FittedPole {
     pub rail: Option<Vector2<f64>>,
     /// Largest reflectance that at least three of its points have.
     pub reflectance: f32,
+    /// Whether all that is seen of it is the plates that it carries: its axis is then in
+    /// their middle.
+    pub is_plate: bool,
     /// Slope of the axis, `(dx, dz)` per metre upwards, as its points and
     /// the plumb line tell it.
     pub slope: Vector2<f64>,
@@ -210,7 +214,12 @@ pub fn fit_pole<'a>(
     if may_be_of_fence(&pole, config) {
         pole.rail = rail(&around, &axis, pole.radius_m, ends_m, config);
     }
-    pole.put_along(&refine(&post, axis, plumb, Shared::ByLaser, config));
+    let mut axis = refine(&post, axis, plumb, Shared::ByLaser, config);
+    if pole.is_plate {
+        axis = axis.on_surface(&post);
+        pole.radius_m = config.trees.low_post_radius_m;
+    }
+    pole.put_along(&axis);
     Some(pole)
 }
 
@@ -309,6 +318,7 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
         attached_share: 0.0,
         rail: None,
         reflectance: reflectance(seen.run),
+        is_plate: foot_height_m >= config.sheet_m[0] && is_plate(seen.post, radius_m, config),
         slope: axis.slope,
         slope_of_hits: axis.slope_of_hits,
         slope_covariance: axis.slope_covariance,

@@ -4,6 +4,7 @@ mod axis;
 mod config;
 mod fences;
 mod fit;
+mod flat;
 mod kinds;
 mod looks;
 mod normal;
@@ -90,7 +91,8 @@ fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> boo
     let free_share = pole.free_m / (pole.top_height_m - pole.foot_height_m);
     let least_free_m = if pole.foot_height_m > 0.0 { config.least_free_hanging_m } else { config.least_free_m };
     let is_equipment = pole.has_sheeting(config);
-    let least_share = if is_equipment {
+    let carries_plate = is_equipment || pole.is_plate;
+    let least_share = if carries_plate {
         config.least_free_share_sign
     } else if pole.radius_m <= config.post_radius_m {
         config.least_free_share
@@ -101,7 +103,7 @@ fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> boo
     // What stands amid something is hidden by it, unless it is a part of it.
     let is_amid = stack.is_before || pole.attached_share > config.largest_attached_share;
     let least_visibility_amid = config.least_visibility_before.max(config.least_visibility);
-    let highest_foot_m = if is_equipment { config.highest_foot_sign_m } else { config.highest_foot_m };
+    let highest_foot_m = if carries_plate { config.highest_foot_sign_m } else { config.highest_foot_m };
     (is_equipment || pole.attached_share <= largest_attached_share(pole, stack, config))
         && (is_equipment || !is_short || pole.radius_m <= config.thickest_short_m)
         && pole.spread_m <= largest_spread_m(pole, config)

@@ -2,29 +2,61 @@
 //! mostly the backs of signs for the other direction.
 
 use common::map::SignKind;
+use nalgebra::Point3;
 
-use super::config::SignConfig;
-use super::outline::{Plate, plates};
+use super::config::{LightConfig, SignConfig};
+use super::outline::plates;
+use super::plate::Plate;
 use super::rows::{Axis, Row};
 use super::{FoundSign, POST_BELOW_M};
 use crate::cloud::Cloud;
 use crate::lidar::LidarConfig;
+
+/// What is known of a post before it is asked what hangs on it.
+#[derive(Debug, Clone, Copy)]
+pub struct Known {
+    /// It carries a sign: another one is told from less then.
+    pub carries_sign: bool,
+    /// It is hidden but for what hangs on it.
+    pub is_hidden: bool,
+}
 
 /// The plates among the rows of a post from so high on, metres above ground.
 pub fn plates_on(
     rows: &[Row],
     axis: &Axis,
     lowest_m: f64,
+    known: Known,
     cloud: &Cloud,
     config: &SignConfig,
     lidar: &LidarConfig,
 ) -> Vec<FoundSign> {
     let all = plates(rows, axis, cloud, &config.outline, lidar);
-    let is_plate = |plate: &&Plate| plate.above_ground_m >= lowest_m && is_back(plate, rows, &all, config);
-    all.iter().filter(is_plate).map(|p| p.sign(SignKind::TrafficSign)).collect()
+    let found = |known: Known| -> Vec<FoundSign> {
+        let is_plate = |p: &&Plate| p.above_ground_m >= lowest_m && is_back(p, rows, &all, known, config);
+        all.iter().filter(is_plate).map(|p| sign(p, &config.lights)).collect()
+    };
+    let sure = found(known);
+    if known.carries_sign || sure.is_empty() { sure } else { found(Known { carries_sign: true, ..known }) }
 }
 
-fn is_back(plate: &Plate, rows: &[Row], all: &[Plate], config: &SignConfig) -> bool {
+/// What a plate on a post is: the housing of a light where it is dark and narrow, as
+/// the backs of signs are bare metal. Upper edges of lights are seldom seen.
+fn sign(plate: &Plate, lights: &LightConfig) -> FoundSign {
+    let is_housing = plate.reflectance.is_some_and(|r| r <= lights.darkest) && plate.width_m <= lights.width_m[1];
+    if !is_housing {
+        return plate.sign(SignKind::TrafficSign);
+    }
+    let (low, high) = plate.edges;
+    let height_m = lights.usual_heights_m[1].max(high - low);
+    FoundSign {
+        centroid: Point3::new(plate.centroid.x, -(low + 0.5 * height_m), plate.centroid.z),
+        size_m: plate.width_m.hypot(height_m),
+        ..plate.sign(SignKind::TrafficLight)
+    }
+}
+
+fn is_back(plate: &Plate, rows: &[Row], all: &[Plate], known: Known, config: &SignConfig) -> bool {
     let backs = &config.backs;
     let height_m = plate.edges.1 - plate.edges.0;
     let [narrowest, widest] = backs.width_m;
@@ -38,32 +70,36 @@ fn is_back(plate: &Plate, rows: &[Row], all: &[Plate], config: &SignConfig) -> b
     };
     let (post_m, plate_m) = (widths(below, narrowest), widths(plate.edges.0..plate.edges.1, f64::INFINITY));
     // A round mast is as wide from all sides, and turned into a plane wider.
-    let stands_out = match (post_m.get(post_m.len() / 2), plate_m.get(plate_m.len() * 4 / 5)) {
+    let stands_out = || match (post_m.get(post_m.len() / 2), plate_m.get(plate_m.len() * 4 / 5)) {
         (Some(post_m), Some(plate_m)) => *plate_m >= backs.least_over_post * post_m,
         _ => false,
+    };
+    let (fewest_rows, least_agreement) = if known.carries_sign {
+        (backs.fewest_rows_beside, backs.least_agreement_beside)
+    } else {
+        (backs.fewest_rows, backs.least_agreement)
     };
     height_m >= backs.least_height_m
         && (narrowest..=widest).contains(&plate.width_m)
         && height_m <= backs.largest_aspect * plate.width_m
         && plate.width_m <= backs.largest_aspect * height_m
         && plate.thickness_m <= backs.thickest_m
-        && plate.rows >= backs.fewest_rows
+        && plate.rows >= fewest_rows
         && plate.scans >= backs.fewest_scans
-        && plate.agreement >= backs.least_agreement
-        && post_m.len() >= backs.fewest_post_rows
-        && stands_out
+        && plate.agreement >= least_agreement
+        && (known.is_hidden || (post_m.len() >= backs.fewest_post_rows && stands_out()))
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Point3, Vector2};
+    use nalgebra::Vector2;
 
     use super::*;
     use crate::signs::rows::row_across;
 
-    /// Whether what is so wide, on a post so wide, passes for the back of a sign.
-    fn is_sign(width_m: f64, post_m: f64) -> bool {
-        let plate = Plate {
+    /// A board so wide from 1.8 to 2.4 m above the ground.
+    fn board(width_m: f64) -> Plate {
+        Plate {
             centroid: Point3::new(0.0, -2.1, 0.0),
             sigma_m: [0.02; 3],
             edges: (1.8, 2.4),
@@ -77,21 +113,48 @@ mod tests {
             scans: 3,
             hits: 60,
             agreement: 1.0,
-            reflectance: 0.4,
+            reflectance: Some(0.4),
             bright_share: 0.0,
-        };
+        }
+    }
+
+    /// Whether a board passes for the back of a sign on a post so wide.
+    fn is_sign(plate: &Plate, post_m: f64, known: Known) -> bool {
         let heights = |from: f64, count: i32| (0..count).map(move |k| from + 0.05 * f64::from(k));
         let rows: Vec<Row> = heights(0.9, 18)
             .map(|height| row_across(0, height, post_m))
-            .chain(heights(1.81, 12).map(|height| row_across(0, height, width_m)))
+            .chain(heights(1.81, 12).map(|height| row_across(0, height, plate.width_m)))
             .collect();
-        is_back(&plate, &rows, std::slice::from_ref(&plate), &SignConfig::default())
+        is_back(plate, &rows, std::slice::from_ref(plate), known, &SignConfig::default())
     }
+
+    const UNKNOWN: Known = Known { carries_sign: false, is_hidden: false };
 
     #[test]
     fn a_thick_mast_is_no_sign_where_it_is_somewhat_wider_and_a_board_on_it_is() {
+        let is_sign = |width_m: f64, post_m: f64| is_sign(&board(width_m), post_m, UNKNOWN);
         assert!(!is_sign(0.32, 0.22) && is_sign(0.5, 0.22));
         // On a thin post the same width is a sign.
         assert!(is_sign(0.32, 0.06));
+    }
+
+    #[test]
+    fn beside_a_sign_another_one_is_told_from_less() {
+        let seldom_seen = Plate { rows: 4, agreement: 0.75, ..board(0.5) };
+        assert!(!is_sign(&seldom_seen, 0.06, UNKNOWN));
+        assert!(is_sign(&seldom_seen, 0.06, Known { carries_sign: true, ..UNKNOWN }));
+    }
+
+    #[test]
+    fn what_is_dark_and_narrow_is_a_light_and_ends_above_what_is_seen() {
+        let lights = LightConfig::default();
+        let kind =
+            |width_m: f64, reflectance: Option<f32>| sign(&Plate { reflectance, ..board(width_m) }, &lights).kind;
+        assert_eq!(kind(0.32, Some(0.05)), SignKind::TrafficLight);
+        // Bare metal, what was seen from afar only, and what is wider than any housing.
+        let others = [kind(0.32, Some(0.4)), kind(0.32, None), kind(0.6, Some(0.05))];
+        assert_eq!(others, [SignKind::TrafficSign; 3]);
+        let light = sign(&Plate { reflectance: Some(0.05), ..board(0.32) }, &lights);
+        assert!((light.centroid.y + 1.8 + 0.45).abs() < 1e-9, "{light:?}");
     }
 }

@@ -11,6 +11,7 @@ mod bright;
 mod config;
 mod lights;
 mod outline;
+mod plate;
 mod rows;
 mod stacked;
 mod told;
@@ -21,9 +22,11 @@ use rayon::prelude::*;
 
 pub(crate) use bright::clusters;
 pub use config::{BackConfig, LightConfig, OutlineConfig, SignConfig};
-pub use outline::{Plate, plates};
+pub use outline::plates;
+pub use plate::Plate;
 pub use rows::{Axis, Row, rows};
 
+use backs::Known;
 use bright::{BrightPlate, bright_plates};
 
 use crate::cloud::Cloud;
@@ -61,8 +64,15 @@ pub fn find_signs(
     let bright = bright_plates(cloud, config, lidar);
     let bright: Vec<Vec<FoundSign>> =
         bright.par_iter().map(|plate| outlined(plate, cloud, poles, config, lidar)).collect();
-    let on_posts: Vec<Vec<FoundSign>> =
-        poles.par_iter().map(|(kind, pole)| on_post(*kind, pole, cloud, config, lidar)).collect();
+    let carries_sign = |pole: &FittedPole| {
+        let is_on = |sign: &FoundSign| (sign.centroid.x - pole.top.x).hypot(sign.centroid.z - pole.top.z) < SAME_M;
+        bright.iter().flatten().any(is_on)
+    };
+    let on_posts: Vec<Vec<FoundSign>> = poles
+        .par_iter()
+        .filter(|(kind, _)| *kind != PoleKind::Trunk)
+        .map(|(_, pole)| on_post(pole, carries_sign(pole), cloud, config, lidar))
+        .collect();
     // Of what hides in part, bright points alone tell least.
     let (with_outline, without): (Vec<FoundSign>, Vec<FoundSign>) =
         bright.into_iter().flatten().partition(|sign| sign.sigma_m.is_some());
@@ -75,29 +85,31 @@ pub fn find_signs(
     found
 }
 
-/// What hangs on a post, whether bright or not.
+/// What hangs on a post, whether bright or not; `carries_sign` where something bright
+/// is on it.
 fn on_post(
-    kind: PoleKind,
     pole: &FittedPole,
+    carries_sign: bool,
     cloud: &Cloud,
     config: &SignConfig,
     lidar: &LidarConfig,
 ) -> Vec<FoundSign> {
-    if kind == PoleKind::Trunk {
-        return Vec::new();
-    }
     let axis = Axis { foot: pole.foot, top: pole.top, radius_m: pole.radius_m };
     let from = |lowest_m: f64| rows(cloud, &axis, (lowest_m - POST_BELOW_M, pole.top_height_m + OVER_TOP_M), lidar);
-    let plates_from = |lowest_m: f64, rows: &[Row]| backs::plates_on(rows, &axis, lowest_m, cloud, config, lidar);
+    let known = Known { carries_sign, is_hidden: pole.is_plate };
+    let plates_from = |lowest_m: f64, rows: &[Row], known: Known| {
+        backs::plates_on(rows, &axis, lowest_m, known, cloud, config, lidar)
+    };
     let rows = from(config.backs.lowest_m.min(config.lights.lowest_m));
     // Lights first: from behind they may look like plates.
     let mut found = lights::lights_on(&rows, &axis, config);
-    let plates = plates_from(config.backs.lowest_m, &rows);
+    let plates = plates_from(config.backs.lowest_m, &rows, known);
     // Only below a plate is another one looked for nearer to the ground.
     let lowest = plates.iter().map(|sign| sign.centroid.y).max_by(f64::total_cmp);
     found.extend(plates);
     if let Some(lowest) = lowest {
-        let lower = plates_from(config.backs.lowest_below_m, &from(config.backs.lowest_below_m));
+        let known = Known { carries_sign: true, ..known };
+        let lower = plates_from(config.backs.lowest_below_m, &from(config.backs.lowest_below_m), known);
         found.extend(lower.into_iter().filter(|sign| sign.centroid.y > lowest));
     }
     found

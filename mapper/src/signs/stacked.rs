@@ -34,7 +34,7 @@ pub struct Ends {
 
 /// Where the rows of one run (ascending heights) are those of several plates: the
 /// rows between them, none where they touch. A row that does not fit costs up to
-/// 1, and a plate its two edges.
+/// 1, and another plate `stacked_cost` and `stacked_share` of the rows.
 pub fn gaps(rows: &[Ends], config: &OutlineConfig) -> Vec<Range<usize>> {
     let mut found = Vec::new();
     divide(rows, 0, config, &mut found);
@@ -56,11 +56,11 @@ fn divide(rows: &[Ends], first: usize, config: &OutlineConfig, found: &mut Vec<R
         .filter(|&at| level(&rows[at]) > level(&rows[at - 1]))
         .map(gap)
         .filter(|gap| is_plate(&rows[..gap.start]) && is_plate(&rows[gap.end..]))
-        .map(|gap| (cost(&rows[..gap.start], config) + cost(&rows[gap.end..], config), gap))
+        .map(|gap| (plate_cost(&rows[..gap.start], config) + plate_cost(&rows[gap.end..], config), gap))
         .min_by(|a, b| a.0.total_cmp(&b.0));
     let Some((as_two, gap)) = parts else { return };
-    let plate_cost = 2.0 * config.edge_cost + config.odd_share * rows.len() as f64;
-    if as_two + plate_cost < cost(rows, config) {
+    let another = config.stacked_cost + config.stacked_share * rows.len() as f64;
+    if as_two + another < plate_cost(rows, config) {
         divide(&rows[..gap.start], first, config, found);
         found.push(first + gap.start..first + gap.end);
         divide(&rows[gap.end..], first + gap.end, config, found);
@@ -83,15 +83,29 @@ struct Edge<'a> {
     aside_m: f64,
 }
 
+/// How badly rows fit a plate, in rows: the best convex shape, and how unusual its
+/// height is for its width (log-normal, and an odd row has a chance of `odd_share`).
+fn plate_cost(rows: &[Ends], config: &OutlineConfig) -> f64 {
+    let height_m = rows[rows.len() - 1].height - rows[0].height;
+    let aspect = (height_m.max(config.least_stacked_m) / widest_m(rows).max(config.narrowest_m)).ln();
+    shape_cost(rows, config) - (aspect / config.aspect_spread).powi(2) / 2.0 / config.odd_share.ln()
+}
+
+/// The length of the longest rows, metres: these are not hidden.
+fn widest_m(rows: &[Ends]) -> f64 {
+    long(rows, WHOLE, |row| row.width_m)
+}
+
+/// The value that a share of the rows lies below.
+fn long(rows: &[Ends], share: f64, value: fn(&Ends) -> f64) -> f64 {
+    let mut values: Vec<f64> = rows.iter().map(value).collect();
+    let at = ((values.len() as f64 * share) as usize).min(values.len() - 1);
+    *values.select_nth_unstable_by(at, f64::total_cmp).1
+}
+
 /// How badly rows fit the best convex shape, in rows.
-fn cost(rows: &[Ends], config: &OutlineConfig) -> f64 {
-    let long = |rows: &[Ends], share: f64, value: fn(&Ends) -> f64| {
-        let mut values: Vec<f64> = rows.iter().map(value).collect();
-        let at = ((values.len() as f64 * share) as usize).min(values.len() - 1);
-        *values.select_nth_unstable_by(at, f64::total_cmp).1
-    };
-    // The longest rows are not hidden.
-    let width_m = long(rows, WHOLE, |row| row.width_m);
+fn shape_cost(rows: &[Ends], config: &OutlineConfig) -> f64 {
+    let width_m = widest_m(rows);
     let whole: Vec<Ends> = rows.iter().copied().filter(|row| row.width_m >= LEAST_WHOLE * width_m).collect();
     let middle_m = long(&whole, 0.5, |row| row.middle_m);
     let origin = rows[rows.len() / 2].height;
@@ -250,6 +264,19 @@ mod tests {
             // The gap is from 0.32 to 0.36 or 0.38 m, and rows are centimetres apart.
             assert!((0.26..0.36).contains(&below) && (0.32..0.44).contains(&above), "{below} {above}");
         }
+    }
+
+    #[test]
+    fn what_is_much_higher_than_wide_is_rather_two_with_little_between_them() {
+        // Two boards of nearly the same width, and some rows of the bare post.
+        let with_gap = |top_m: f64, half_m: f64| {
+            let mut stack = rows((0.0, top_m), |height| if height < 0.32 { half_m - 0.03 } else { half_m });
+            for row in stack.iter_mut().filter(|row| (0.32..0.34).contains(&row.height)) {
+                (row.width_m, row.is_bare) = (0.06, true);
+            }
+            gaps(&stack, &OutlineConfig::default()).len()
+        };
+        assert_eq!((with_gap(0.8, 0.15), with_gap(0.8, 0.35)), (1, 0));
     }
 
     #[test]

@@ -91,6 +91,19 @@ fn plates_seen_from_behind_are_found_and_face_away() {
 }
 
 #[test]
+fn a_plate_is_a_sign_though_all_of_its_post_is_hidden_and_a_low_one_is_not() {
+    let found = |heights_m: (f64, f64)| {
+        let mut post = Post::new(5.0, 30.0);
+        post.board(0.45, heights_m, 0.0, [Some(METAL); 2]);
+        post.found_on(&[])
+    };
+    let signs = found((1.55, 2.65));
+    let [sign] = &signs[..] else { panic!("{signs:?}") };
+    assert!((sign.centroid - Point3::new(5.0, CAMERA_HEIGHT_M - 2.0, 30.0)).norm() < 0.2, "{sign:?}");
+    assert!(found((0.6, 1.8)).is_empty());
+}
+
+#[test]
 fn a_low_board_is_a_sign_below_another_one_only() {
     let found = |is_stop: bool| {
         let mut post = Post::new(5.0, 40.0);

@@ -2,7 +2,7 @@
 //! mostly the backs of signs for the other direction.
 
 use common::map::SignKind;
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector2};
 
 use super::config::{LightConfig, SignConfig};
 use super::outline::plates;
@@ -33,18 +33,32 @@ pub fn plates_on(
 ) -> Vec<FoundSign> {
     let all = plates(rows, axis, cloud, &config.outline, lidar);
     let found = |known: Known| -> Vec<FoundSign> {
-        let is_plate = |p: &&Plate| p.above_ground_m >= lowest_m && is_back(p, rows, &all, known, config);
+        let is_plate = |p: &&Plate| {
+            p.above_ground_m >= lowest_m
+                && (is_housing(p, &config.lights) || aside_m(p, axis) <= config.backs.largest_aside * p.width_m)
+                && is_back(p, rows, &all, known, config)
+        };
         all.iter().filter(is_plate).map(|p| sign(p, &config.lights)).collect()
     };
     let sure = found(known);
     if known.carries_sign || sure.is_empty() { sure } else { found(Known { carries_sign: true, ..known }) }
 }
 
-/// What a plate on a post is: the housing of a light where it is dark and narrow, as
-/// the backs of signs are bare metal. Upper edges of lights are seldom seen.
+/// How far the middle of a plate is to the side of its post, metres.
+fn aside_m(plate: &Plate, axis: &Axis) -> f64 {
+    let off = Vector2::new(plate.centroid.x, plate.centroid.z) - axis.at(-plate.centroid.y).coords;
+    plate.normal.perp(&off).abs()
+}
+
+/// Whether it is the housing of a light: dark and narrow. The backs of signs are bare
+/// metal.
+fn is_housing(plate: &Plate, lights: &LightConfig) -> bool {
+    plate.reflectance.is_some_and(|r| r <= lights.darkest) && plate.width_m <= lights.width_m[1]
+}
+
+/// What a plate on a post is. Upper edges of lights are seldom seen.
 fn sign(plate: &Plate, lights: &LightConfig) -> FoundSign {
-    let is_housing = plate.reflectance.is_some_and(|r| r <= lights.darkest) && plate.width_m <= lights.width_m[1];
-    if !is_housing {
+    if !is_housing(plate, lights) {
         return plate.sign(SignKind::TrafficSign);
     }
     let (low, high) = plate.edges;
@@ -92,8 +106,6 @@ fn is_back(plate: &Plate, rows: &[Row], all: &[Plate], known: Known, config: &Si
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Vector2;
-
     use super::*;
     use crate::signs::rows::row_across;
 
@@ -136,6 +148,15 @@ mod tests {
         assert!(!is_sign(0.32, 0.22) && is_sign(0.5, 0.22));
         // On a thin post the same width is a sign.
         assert!(is_sign(0.32, 0.06));
+    }
+
+    #[test]
+    fn the_post_of_a_sign_is_behind_its_middle() {
+        let axis = |x: f64| Axis::through(&Point3::new(x, -1.0, 0.0), 0.04);
+        assert!((aside_m(&board(0.6), &axis(0.2)) - 0.2).abs() < 1e-9);
+        // In front of it and behind it is not beside it.
+        let before = Plate { normal: Vector2::x(), ..board(0.6) };
+        assert!(aside_m(&before, &axis(0.2)) < 1e-9);
     }
 
     #[test]

@@ -168,6 +168,10 @@ pub struct BackConfig {
     pub width_m: [f64; 2],
     /// Largest height over width, and width over height.
     pub largest_aspect: f64,
+    /// Farthest that its middle may be to the side of its post, in widths: signs are
+    /// mounted in the middle, and a jamb is at the end of its wall. Lights may hang to
+    /// one side.
+    pub largest_aside: f64,
     /// Largest thickness within single rows, metres, one standard deviation:
     /// range noise and posts behind.
     pub thickest_m: f64,
@@ -196,6 +200,7 @@ impl Default for BackConfig {
             least_height_m: 0.2,
             width_m: [0.3, 1.3],
             largest_aspect: 3.0,
+            largest_aside: 0.25,
             thickest_m: 0.05,
             fewest_rows: 5,
             fewest_rows_beside: 4,
@@ -237,6 +242,8 @@ pub struct LightConfig {
     pub usual_heights_m: [f64; 2],
     /// Least and largest width of a box, metres: housings are 0.2 to 0.36 m wide.
     pub width_m: [f64; 2],
+    /// Widest row of a bare post, metres: a mast, or its noise.
+    pub narrowest_m: f64,
     /// Depth of a box without its visors, metres.
     pub depth_m: f64,
     /// Boxes whose middles are this far apart in the plane hang on different
@@ -254,10 +261,11 @@ pub struct LightConfig {
     /// Longest gap in height between two hits on one box, metres: the distance of
     /// two beams at 35 m.
     pub longest_gap_m: f64,
-    /// Fewest hits on the box.
+    /// Fewest dark hits on the box, of rows that are wider than a post, beyond those
+    /// that others at their height outweigh.
     pub fewest_hits: usize,
-    /// The same where all of them are dark, or so many more than must be.
-    pub fewest_all_dark: usize,
+    /// Fewest hits on each of two boxes that are told apart.
+    pub fewest_hits_of_two: usize,
     /// Fewest scans with hits on the box.
     pub fewest_scans: usize,
 }
@@ -274,14 +282,15 @@ impl Default for LightConfig {
             seen_m: [0.1, 1.4],
             usual_heights_m: [0.6, 0.9],
             width_m: [0.1, 0.4],
+            narrowest_m: 0.13,
             depth_m: 0.24,
             apart_m: 0.12,
             middle_sigma_m: 0.05,
             most_own_odds: 20.0,
             own_share: 0.15,
             longest_gap_m: 0.25,
-            fewest_hits: 20,
-            fewest_all_dark: 9,
+            fewest_hits: 9,
+            fewest_hits_of_two: 20,
             fewest_scans: 2,
         }
     }

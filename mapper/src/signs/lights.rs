@@ -21,6 +21,8 @@ struct Beside {
     above_ground_m: f64,
     is_dark: bool,
     scan: u16,
+    /// Whether its row is wider than that of a bare post.
+    is_of_wide: bool,
     /// What it counts: as much at each height, however many hits are there.
     weight: f64,
 }
@@ -87,6 +89,7 @@ fn hits_beside<'a>(row: &'a Row, axis: &'a Axis, config: &'a LightConfig) -> imp
             above_ground_m: row.above_ground_m,
             is_dark: *reflectance <= config.darkest,
             scan: row.scan,
+            is_of_wide: row.width_m() > config.narrowest_m,
             weight: 1.0,
         })
     })
@@ -101,7 +104,7 @@ fn dark_runs(sorted: &[Beside], config: &LightConfig) -> Vec<Range<usize>> {
     while let Some(within) = open.pop() {
         let Some(best) = best_run(&sorted[within.clone()], &gains[within.clone()], config) else { continue };
         let best = within.start + best.start..within.start + best.end;
-        if best.len() >= config.fewest_all_dark {
+        if best.len() >= config.fewest_hits {
             open.extend([within.start..best.start, best.end..within.end]);
             found.push(best);
         }
@@ -181,7 +184,7 @@ fn evidence_of_upper(sorted: &[Beside], config: &LightConfig) -> Option<Vec<f64>
 /// of the post: the split that explains most of their scatter; none where there
 /// is one box only.
 fn parting(sorted: &[Beside], config: &LightConfig) -> Option<usize> {
-    let fewest = config.fewest_hits;
+    let fewest = config.fewest_hits_of_two;
     let apart = |i: usize| (mean(&sorted[..i]) - mean(&sorted[i..])).norm();
     let explained = |i: usize| weight(&sorted[..i]) * weight(&sorted[i..]) * apart(i).powi(2);
     (fewest..(sorted.len() + 1).saturating_sub(fewest))
@@ -202,8 +205,10 @@ fn light(hits: &[Beside], all: &[Beside], axis: &Axis, usual_m: f64, lights: &Li
     let level = all.iter().filter(|h| h.height >= low && h.height <= high);
     let dark_hits = level.clone().filter(|h| h.is_dark).count() as f64;
     let dark = dark_hits / level.clone().count().max(1) as f64;
-    let evidence: f64 = level.map(|h| dark_gain(h, lights)).sum();
-    let is_light = (hits.len() >= lights.fewest_hits || evidence >= lights.fewest_all_dark as f64)
+    // What reaches from a bare post is noise.
+    let of_box = level.filter(|h| h.is_of_wide || !h.is_dark);
+    let evidence: f64 = of_box.map(|h| dark_gain(h, lights)).sum();
+    let is_light = evidence >= lights.fewest_hits as f64
         && scans.len() >= lights.fewest_scans
         && dark >= lights.least_dark_share
         && lowest >= lights.lowest_m
@@ -246,7 +251,7 @@ mod tests {
                 let side = [-0.1, -0.03, 0.04, 0.1][usize::from(i % 4)];
                 let height = low + (high - low) * (f64::from(i) + 0.5) / f64::from(count);
                 let middle = Vector2::new(at.0 + side, at.1 + 0.1 * side);
-                Beside { middle, height, above_ground_m: height, is_dark, scan: i % 7, weight: 1.0 }
+                Beside { middle, height, above_ground_m: height, is_dark, scan: i % 7, is_of_wide: true, weight: 1.0 }
             })
             .collect()
     }
@@ -285,5 +290,8 @@ mod tests {
             lights([hits((0.2, 0.0), heights_m, dark, true), other].concat()).len()
         };
         assert_eq!((seen(60.0, 0.0), seen(30.0, 0.0), seen(60.0, 15.0)), (1, 0, 0));
+        // Those of a post are no wider than it.
+        let of_post = hits((0.2, 0.0), (2.2, 2.4), 60.0, true).into_iter().map(|h| Beside { is_of_wide: false, ..h });
+        assert!(lights(of_post.collect()).is_empty());
     }
 }

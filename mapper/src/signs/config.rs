@@ -114,9 +114,6 @@ pub struct OutlineConfig {
     /// Least share of bright rows among the nearer ones on the front of a
     /// retro-reflective sign: else its outline is that of a wall around it.
     pub least_bright_share: f64,
-    /// Least width of the rows whose middles count, over that of the plate: of
-    /// narrower ones an end may be hidden.
-    pub least_whole_share: f64,
     /// Noise of a row's middle, metres.
     pub noise_m: f64,
     /// What all rows of a plate err by together, metres: poses, and range errors
@@ -145,7 +142,6 @@ impl Default for OutlineConfig {
             bright: 0.7,
             bright_within_m: 40.0,
             least_bright_share: 0.6,
-            least_whole_share: 0.75,
             noise_m: 0.03,
             pose_m: 0.015,
         }

@@ -83,14 +83,17 @@ pub(super) fn plate(
     let mut widths: Vec<f64> = long.iter().map(|r| width(r)).collect();
     widths.sort_by(f64::total_cmp);
     let width_m = *widths.get(widths.len() * 4 / 5)?;
-    let weighted = |value: &dyn Fn(&Row) -> f64| {
-        // A row's ends are as exact as its hits are dense. One that is much
-        // shorter than others may be hidden on one side.
-        let whole = long.iter().filter(|r| width(r) >= config.least_whole_share * width_m);
-        weighted_median(whole.map(|r| (value(r), r.range_m.powi(2).recip())).collect())
+    // A row's ends are as exact as its hits are dense.
+    let weighted = |share: f64, value: &dyn Fn(&Row) -> f64| {
+        weighted_quantile(long.iter().map(|r| (value(r), r.range_m.powi(2).recip())).collect(), share)
     };
-    let aside_m = weighted(&|r| (r.middle.coords - origin).dot(&across))?;
-    let before_m = weighted(&|r| (r.middle.coords - origin).dot(&normal))?;
+    // What hides a side of a plate from some scans does not from others.
+    let end_m = |side: f64| {
+        let half_m = |r: &Row| 0.5 * r.width_m() / r.view.dot(&normal).abs().max(0.3);
+        weighted(LONGEST, &|r| side * (r.middle.coords - origin).dot(&across) + half_m(r))
+    };
+    let aside_m = (end_m(1.0)? - end_m(-1.0)?) / 2.0;
+    let before_m = weighted(0.5, &|r| (r.middle.coords - origin).dot(&normal))?;
 
     let scans = lowest_of_scans(on.iter().copied());
     let beams = |reaches: &dyn Fn(&Row, f64) -> bool| -> f64 {
@@ -201,16 +204,20 @@ fn upper_end(highest: f64, top: &Edge, low: f64, width_m: f64, config: &OutlineC
     }
 }
 
-/// The value that half of the weight lies below.
-fn weighted_median(mut values: Vec<(f64, f64)>) -> Option<f64> {
+/// The value that a share of the weight lies below.
+fn weighted_quantile(mut values: Vec<(f64, f64)>, share: f64) -> Option<f64> {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let half = values.iter().map(|v| v.1).sum::<f64>() / 2.0;
+    let below = share * values.iter().map(|v| v.1).sum::<f64>();
     let mut sum = 0.0;
     values.into_iter().find_map(|(value, weight)| {
         sum += weight;
-        (sum >= half).then_some(value)
+        (sum >= below).then_some(value)
     })
 }
+
+/// Share of the rows that end nearer to the middle of a plate than it does: of the
+/// others leaves lengthen some.
+const LONGEST: f64 = 0.9;
 
 /// The first, and so the lowest, row of each scan.
 pub(super) fn lowest_of_scans<'a>(rows: impl Iterator<Item = &'a Row>) -> Vec<&'a Row> {

@@ -245,9 +245,8 @@ pub struct PoleConfig {
     /// Least width of a plate that may be all that is seen of its post, metres: stems of
     /// masts are narrower.
     pub least_plate_m: f64,
-    /// Share of the variance that the hits on a stem have along the view, beyond noise,
-    /// below which something is flat.
-    pub flat_share: f64,
+    /// Logarithm of the odds from which on something is a plate and no stem, nats.
+    pub plate_evidence: f64,
     /// What tells trees from posts else.
     pub trees: TreeConfig,
     /// Whether trunks go into the map, under their own semantic: trees change,
@@ -349,7 +348,7 @@ impl Default for PoleConfig {
             open_lamp_top_m: 2.8,
             trunk_radius_m: 0.18,
             least_plate_m: 0.3,
-            flat_share: 0.5,
+            plate_evidence: 10.0,
             trees: TreeConfig::default(),
             keep_trunks: true,
         }

@@ -318,7 +318,7 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
         attached_share: 0.0,
         rail: None,
         reflectance: reflectance(seen.run),
-        is_plate: foot_height_m >= config.sheet_m[0] && is_plate(seen.post, radius_m, config),
+        is_plate: foot_height_m >= config.sheet_m[0] && is_plate(seen.post, axis, radius_m, config),
         slope: axis.slope,
         slope_of_hits: axis.slope_of_hits,
         slope_covariance: axis.slope_covariance,

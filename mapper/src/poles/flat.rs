@@ -5,37 +5,42 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix2, SymmetricEigen, Vector2};
 
 use super::PoleConfig;
-use super::axis::Hit;
+use super::axis::{Axis, Hit};
 
-/// Whether hits across an axis are those of a plate and not of a stem that is as wide:
-/// about the middle of its row each hit of a stem lies along the view as a circle has
-/// it, with a variance of `(2/3 - (pi/4)^2) r^2`, and on a plate there is noise alone.
-/// Rows are asked one by one, for each laser errs in its range, and each scan in its pose.
-pub(super) fn is_plate(hits: &[Hit], radius_m: f64, config: &PoleConfig) -> bool {
-    let mut rows: BTreeMap<(u16, i32), Vec<Vector2<f64>>> = BTreeMap::new();
-    for hit in hits {
-        let beam = (hit.elevation_rad / config.beam_step_rad).round() as i32;
-        rows.entry((hit.scan, beam)).or_default().push(hit.at);
-    }
-    let (mut scatter, mut free) = (Matrix2::zeros(), 0);
-    for row in rows.values().filter(|row| row.len() >= FEWEST_OF_ROW) {
-        let mean = row.iter().sum::<Vector2<f64>>() / row.len() as f64;
-        scatter += row.iter().map(|at| (at - mean) * (at - mean).transpose()).sum::<Matrix2<f64>>();
-        free += row.len() - 1;
-    }
-    if radius_m < config.least_plate_m / 2.0 || free < config.fewest_points {
+/// Whether hits around an axis are those of a plate rather than of a stem that is as wide:
+/// whether the hits of rows lie nearer to one plane than to circles, each about its own
+/// middle, by the logarithm of the odds `n / 2 ln(S_stem / S_plate)` with the sums `S` of
+/// their squares. Rows are asked one by one, for each laser errs in its range, and each
+/// scan in its pose.
+pub(super) fn is_plate(hits: &[Hit], axis: &Axis, radius_m: f64, config: &PoleConfig) -> bool {
+    if radius_m < config.least_plate_m / 2.0 {
         return false;
     }
-    let thickness2_m2 = SymmetricEigen::new(scatter).eigenvalues.min().max(0.0) / free as f64;
-    thickness2_m2 - config.hit_noise_m.powi(2) < config.flat_share * ROUND * radius_m.powi(2)
+    let mut rows: BTreeMap<(u16, i32), Vec<&Hit>> = BTreeMap::new();
+    for hit in hits {
+        let beam = (hit.elevation_rad / config.beam_step_rad).round() as i32;
+        rows.entry((hit.scan, beam)).or_default().push(hit);
+    }
+    // How far behind a stem that lies before the hit its axis is along the view.
+    let off_stem_m = |hit: &Hit| {
+        let off = hit.at - axis.at(hit.height);
+        off.dot(&hit.from_lidar) + (radius_m.powi(2) - off.perp(&hit.from_lidar).powi(2)).max(0.0).sqrt()
+    };
+    let (mut scatter, mut of_stem, mut free) = (Matrix2::zeros(), 0.0, 0);
+    for row in rows.values().filter(|row| row.len() >= FEWEST_OF_ROW) {
+        let count = row.len() as f64;
+        let mean = row.iter().map(|h| h.at).sum::<Vector2<f64>>() / count;
+        scatter += row.iter().map(|h| (h.at - mean) * (h.at - mean).transpose()).sum::<Matrix2<f64>>();
+        let mean_m = row.iter().map(|h| off_stem_m(h)).sum::<f64>() / count;
+        of_stem += row.iter().map(|h| (off_stem_m(h) - mean_m).powi(2)).sum::<f64>();
+        free += row.len() - 1;
+    }
+    let of_plate = SymmetricEigen::new(scatter).eigenvalues.min().max(f64::MIN_POSITIVE);
+    free as f64 / 2.0 * (of_stem / of_plate).ln() >= config.plate_evidence
 }
 
 /// Fewest hits of a row that tell whether it is bent.
 const FEWEST_OF_ROW: usize = 3;
-
-/// Variance along the view of hits that are spread evenly over the width of a cylinder of
-/// unit radius: `2/3 - (pi/4)^2`.
-const ROUND: f64 = 0.0498;
 
 #[cfg(test)]
 mod tests {
@@ -66,14 +71,24 @@ mod tests {
 
     #[test]
     fn a_plate_is_flat_from_straight_and_aslant_and_a_stem_is_not() {
-        let config = PoleConfig::default();
+        let is_plate = |radius_m: f64, along_m: &dyn Fn(f64) -> f64| {
+            let axis = Axis {
+                base: Vector2::new(0.0, 12.0),
+                slope: Vector2::zeros(),
+                before_m: 0.0,
+                slope_of_hits: Vector2::zeros(),
+                slope_covariance: Matrix2::identity(),
+            };
+            is_plate(&hits(radius_m, along_m), &axis, radius_m, &PoleConfig::default())
+        };
         for radius_m in [0.18, 0.25, 0.35] {
-            assert!(is_plate(&hits(radius_m, |_| 0.0), radius_m, &config), "{radius_m}");
-            assert!(is_plate(&hits(radius_m, |across| 0.8 * radius_m * across), radius_m, &config), "{radius_m}");
-            let stem = |across: f64| -radius_m * (1.0 - across * across).max(0.0).sqrt();
-            assert!(!is_plate(&hits(radius_m, stem), radius_m, &config), "{radius_m}");
+            assert!(
+                is_plate(radius_m, &|_| 0.0) && is_plate(radius_m, &|across| 0.8 * radius_m * across),
+                "{radius_m}"
+            );
+            assert!(!is_plate(radius_m, &|across| -radius_m * (1.0 - across * across).max(0.0).sqrt()), "{radius_m}");
         }
         // No plate is as narrow as a post.
-        assert!(!is_plate(&hits(0.05, |_| 0.0), 0.05, &config) && !is_plate(&[], 0.25, &config));
+        assert!(!is_plate(0.05, &|_| 0.0));
     }
 }

@@ -238,8 +238,6 @@ pub struct LightConfig {
     pub usual_heights_m: [f64; 2],
     /// Least and largest width of a box, metres: housings are 0.2 to 0.36 m wide.
     pub width_m: [f64; 2],
-    /// Widest row of a bare post, metres: a mast, or its noise.
-    pub narrowest_m: f64,
     /// Depth of a box without its visors, metres.
     pub depth_m: f64,
     /// Boxes whose middles are this far apart in the plane hang on different
@@ -278,7 +276,6 @@ impl Default for LightConfig {
             seen_m: [0.1, 1.4],
             usual_heights_m: [0.6, 0.9],
             width_m: [0.1, 0.4],
-            narrowest_m: 0.13,
             depth_m: 0.24,
             apart_m: 0.12,
             middle_sigma_m: 0.05,

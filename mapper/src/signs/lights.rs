@@ -30,6 +30,7 @@ struct Beside {
 /// The traffic lights among the rows of a post, from above: one for those who
 /// drive, and a lower one for those who walk.
 pub fn lights_on(rows: &[Row], axis: &Axis, config: &SignConfig) -> Vec<FoundSign> {
+    let post_m = (2.0 * axis.radius_m + config.outline.slack_m).max(config.outline.narrowest_m);
     let axis = bare(axis, rows, &config.outline);
     let lights = &config.lights;
     let mut beside: Vec<Beside> = rows
@@ -37,7 +38,7 @@ pub fn lights_on(rows: &[Row], axis: &Axis, config: &SignConfig) -> Vec<FoundSig
         .filter(|r| r.above_ground_m >= lights.lowest_m)
         // What reaches farther is no box.
         .filter(|r| r.span_m.0.abs().max(r.span_m.1.abs()) <= lights.reach_m && r.range_m <= lights.farthest_m)
-        .flat_map(|r| hits_beside(r, &axis, lights))
+        .flat_map(|r| hits_beside(r, &axis, post_m, lights))
         .collect();
     beside.sort_by(|a, b| a.height.total_cmp(&b.height).then(a.scan.cmp(&b.scan)));
     lights_beside(&beside, &axis, lights)
@@ -80,7 +81,13 @@ fn lights_among(level: &[Beside], is_below: bool, axis: &Axis, lights: &LightCon
         .collect()
 }
 
-fn hits_beside<'a>(row: &'a Row, axis: &'a Axis, config: &'a LightConfig) -> impl Iterator<Item = Beside> + 'a {
+/// The hits of a row that are not its post's; `post_m` is how wide rows of that are.
+fn hits_beside<'a>(
+    row: &'a Row,
+    axis: &'a Axis,
+    post_m: f64,
+    config: &'a LightConfig,
+) -> impl Iterator<Item = Beside> + 'a {
     row.hits.iter().filter_map(move |(p, reflectance)| {
         let off = Point2::new(p.x, p.z) - axis.at(-p.y);
         (off.norm() > axis.radius_m + config.off_post_m).then(|| Beside {
@@ -89,7 +96,7 @@ fn hits_beside<'a>(row: &'a Row, axis: &'a Axis, config: &'a LightConfig) -> imp
             above_ground_m: row.above_ground_m,
             is_dark: *reflectance <= config.darkest,
             scan: row.scan,
-            is_of_wide: row.width_m() > config.narrowest_m,
+            is_of_wide: row.width_m() > post_m,
             weight: 1.0,
         })
     })

@@ -21,7 +21,7 @@ pub(super) fn is_plate(hits: &[Hit], axis: &Axis, radius_m: f64, config: &PoleCo
         let beam = (hit.elevation_rad / config.beam_step_rad).round() as i32;
         rows.entry((hit.scan, beam)).or_default().push(hit);
     }
-    // How far behind a stem that lies before the hit its axis is along the view.
+    // How far behind the near side of a stem a hit lies along the view.
     let off_stem_m = |hit: &Hit| {
         let off = hit.at - axis.at(hit.height);
         off.dot(&hit.from_lidar) + (radius_m.powi(2) - off.perp(&hit.from_lidar).powi(2)).max(0.0).sqrt()

@@ -94,6 +94,8 @@ pub struct OutlineConfig {
     /// Standard deviation of the logarithm of a plate's height over its width: nine in
     /// ten are from 0.6 to 1.6 times as high as they are wide.
     pub aspect_spread: f64,
+    /// Largest height over width of two plates that stand on each other.
+    pub tallest_stack: f64,
     /// Least height of plates that stand on each other, metres, between their
     /// outermost rows: those at the edge of one, half on it, are no other.
     pub least_stacked_m: f64,
@@ -135,6 +137,7 @@ impl Default for OutlineConfig {
             stacked_cost: 2.0,
             stacked_share: 0.03,
             aspect_spread: 0.3,
+            tallest_stack: 2.5,
             least_stacked_m: 0.12,
             least_cosine: 0.5,
             open_m: 0.15,

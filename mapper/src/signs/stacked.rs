@@ -85,16 +85,13 @@ struct Edge<'a> {
 
 /// How badly rows fit a plate, in rows: the best convex shape, and how unusual its
 /// height is for its width (log-normal, and an odd row has a chance of `odd_share`),
-/// up to [`TALLEST`]: what is higher is a mast or a jamb, and no stack of plates.
+/// up to `tallest_stack`: what is higher is a mast or a jamb, and no stack of plates.
 fn plate_cost(rows: &[Ends], config: &OutlineConfig) -> f64 {
     let height_m = rows[rows.len() - 1].height - rows[0].height;
     let aspect = height_m.max(config.least_stacked_m) / widest_m(rows).max(config.narrowest_m);
-    let unusual = (aspect.min(TALLEST).ln() / config.aspect_spread).powi(2) / 2.0;
+    let unusual = (aspect.min(config.tallest_stack).ln() / config.aspect_spread).powi(2) / 2.0;
     shape_cost(rows, config) - unusual / config.odd_share.ln()
 }
-
-/// Largest height over width of two plates on each other.
-const TALLEST: f64 = 2.5;
 
 /// The length of the longest rows, metres: these are not hidden.
 fn widest_m(rows: &[Ends]) -> f64 {

@@ -42,6 +42,11 @@ impl Hit {
             reflectance: p.reflectance,
         }
     }
+
+    /// Which beam of the lidar it is of.
+    pub fn beam(&self, config: &PoleConfig) -> i32 {
+        (self.elevation_rad / config.beam_step_rad).round() as i32
+    }
 }
 
 /// An axis over height: `(x, z) = base + slope * height`, and how far the
@@ -59,6 +64,11 @@ pub(super) struct Axis {
 }
 
 impl Axis {
+    /// The axis that has this base and slope whatever hits tell of it.
+    pub fn new(base: Vector2<f64>, slope: Vector2<f64>) -> Self {
+        Self { base, slope, before_m: 0.0, slope_of_hits: slope, slope_covariance: Matrix2::identity() }
+    }
+
     #[inline]
     pub fn at(&self, height: f64) -> Vector2<f64> {
         self.base + self.slope * height
@@ -142,13 +152,7 @@ const SLOPE_BASE_M: f64 = 0.3;
 pub(super) fn ransac(hits: &[Hit], inlier_m: f64, plumb: &Plumb, config: &PoleConfig) -> Option<Axis> {
     let mut rng = Pcg64Mcg::seed_from_u64(hits.len() as u64);
     let steepest = config.largest_tilt_rad.tan();
-    let through = |h: &Hit, slope: Vector2<f64>| Axis {
-        base: h.at - slope * h.height,
-        slope,
-        before_m: 0.0,
-        slope_of_hits: slope,
-        slope_covariance: Matrix2::identity(),
-    };
+    let through = |h: &Hit, slope: Vector2<f64>| Axis::new(h.at - slope * h.height, slope);
     let mut best = (f64::NEG_INFINITY, through(hits.first()?, plumb.slope));
     let mut try_axis = |axis: Axis| {
         // MSAC: a truncated square tells a tight line from a loose one.
@@ -298,10 +302,7 @@ const SETTLED: f64 = 1e-6;
 
 /// For each hit, how many hits share its error of range, itself included.
 fn hits_of_beam(hits: &[Hit], shared: Shared, config: &PoleConfig) -> Vec<f64> {
-    let beam = |hit: &Hit| {
-        let scan = if shared == Shared::ByScan { hit.scan } else { 0 };
-        (scan, (hit.elevation_rad / config.beam_step_rad).round() as i32)
-    };
+    let beam = |hit: &Hit| (if shared == Shared::ByScan { hit.scan } else { 0 }, hit.beam(config));
     let beams: Vec<(u16, i32)> = hits.iter().map(beam).collect();
     let mut counts: FxHashMap<(u16, i32), u32> = FxHashMap::default();
     for beam in &beams {
@@ -382,13 +383,7 @@ mod tests {
 
     #[test]
     fn the_error_of_one_beam_hardly_tilts_a_short_post_however_many_hits_it_has() {
-        let upright = Axis {
-            base: Vector2::zeros(),
-            slope: Vector2::zeros(),
-            before_m: 0.0,
-            slope_of_hits: Vector2::zeros(),
-            slope_covariance: Matrix2::identity(),
-        };
+        let upright = Axis::new(Vector2::zeros(), Vector2::zeros());
         let plumb = Plumb { slope: Vector2::zeros(), lean_rad: 0.01 };
         let lean =
             |config: &PoleConfig| refine(&short_post(0.03), upright, &plumb, Shared::ByLaser, config).slope.norm();

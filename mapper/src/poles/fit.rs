@@ -51,7 +51,7 @@ pub struct FittedPole {
     pub reflectance: f32,
     /// Whether all that is seen of it is the plates that it carries: its axis is then in
     /// their middle.
-    pub is_plate: bool,
+    pub shows_plates_alone: bool,
     /// Slope of the axis, `(dx, dz)` per metre upwards, as its points and
     /// the plumb line tell it.
     pub slope: Vector2<f64>,
@@ -215,7 +215,7 @@ pub fn fit_pole<'a>(
         pole.rail = rail(&around, &axis, pole.radius_m, ends_m, config);
     }
     let mut axis = refine(&post, axis, plumb, Shared::ByLaser, config);
-    if pole.is_plate {
+    if pole.shows_plates_alone {
         axis = axis.on_surface(&post);
         pole.radius_m = config.trees.low_post_radius_m;
     }
@@ -318,7 +318,7 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
         attached_share: 0.0,
         rail: None,
         reflectance: reflectance(seen.run),
-        is_plate: foot_height_m >= config.sheet_m[0] && is_plate(seen.post, axis, radius_m, config),
+        shows_plates_alone: foot_height_m >= config.sheet_m[0] && is_plate(seen.post, axis, radius_m, config),
         slope: axis.slope,
         slope_of_hits: axis.slope_of_hits,
         slope_covariance: axis.slope_covariance,

@@ -18,8 +18,7 @@ pub(super) fn is_plate(hits: &[Hit], axis: &Axis, radius_m: f64, config: &PoleCo
     }
     let mut rows: BTreeMap<(u16, i32), Vec<&Hit>> = BTreeMap::new();
     for hit in hits {
-        let beam = (hit.elevation_rad / config.beam_step_rad).round() as i32;
-        rows.entry((hit.scan, beam)).or_default().push(hit);
+        rows.entry((hit.scan, hit.beam(config))).or_default().push(hit);
     }
     // How far behind the near side of a stem a hit lies along the view.
     let off_stem_m = |hit: &Hit| {
@@ -72,13 +71,7 @@ mod tests {
     #[test]
     fn a_plate_is_flat_from_straight_and_aslant_and_a_stem_is_not() {
         let is_plate = |radius_m: f64, along_m: &dyn Fn(f64) -> f64| {
-            let axis = Axis {
-                base: Vector2::new(0.0, 12.0),
-                slope: Vector2::zeros(),
-                before_m: 0.0,
-                slope_of_hits: Vector2::zeros(),
-                slope_covariance: Matrix2::identity(),
-            };
+            let axis = Axis::new(Vector2::new(0.0, 12.0), Vector2::zeros());
             is_plate(&hits(radius_m, along_m), &axis, radius_m, &PoleConfig::default())
         };
         for radius_m in [0.18, 0.25, 0.35] {

@@ -159,7 +159,7 @@ impl<'a> Kinds<'a> {
             PoleKind::Trunk
         } else if top <= config.delineator_top_m {
             PoleKind::Delineator
-        } else if pole.is_plate {
+        } else if pole.shows_plates_alone {
             PoleKind::SignPost
         } else if top >= config.lamp_top_m || (pole.top_is_open && top >= config.open_lamp_top_m) {
             PoleKind::LampPost

@@ -91,7 +91,7 @@ fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> boo
     let free_share = pole.free_m / (pole.top_height_m - pole.foot_height_m);
     let least_free_m = if pole.foot_height_m > 0.0 { config.least_free_hanging_m } else { config.least_free_m };
     let is_equipment = pole.has_sheeting(config);
-    let carries_plate = is_equipment || pole.is_plate;
+    let carries_plate = is_equipment || pole.shows_plates_alone;
     let least_share = if carries_plate {
         config.least_free_share_sign
     } else if pole.radius_m <= config.post_radius_m {

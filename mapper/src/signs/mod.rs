@@ -96,7 +96,7 @@ fn on_post(
 ) -> Vec<FoundSign> {
     let axis = Axis { foot: pole.foot, top: pole.top, radius_m: pole.radius_m };
     let from = |lowest_m: f64| rows(cloud, &axis, (lowest_m - POST_BELOW_M, pole.top_height_m + OVER_TOP_M), lidar);
-    let known = Known { carries_sign, is_hidden: pole.is_plate };
+    let known = Known { carries_sign, is_hidden: pole.shows_plates_alone };
     let plates_from = |lowest_m: f64, rows: &[Row], known: Known| {
         backs::plates_on(rows, &axis, lowest_m, known, cloud, config, lidar)
     };

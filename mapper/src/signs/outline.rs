@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 
 use super::config::OutlineConfig;
-use super::plate::{Plate, ceiling, lowest_of_scans, plane, plate, width_m};
+use super::plate::{Plate, ceiling, cosine, lowest_of_scans, plane, plate, width_m};
 use super::rows::{Axis, Row};
 use super::stacked::{Ends, gaps};
 use super::told::{Says, Told, doubt, each};
@@ -107,9 +107,9 @@ fn each_plate(
     let telling: Vec<usize> = (from..=to).filter(|&i| matches!(rows[i].says, Says::Plate | Says::Post)).collect();
     let ends = |&i: &usize| {
         let Told { row, says, weight } = rows[i];
-        let (cosine, between_m) = (row.view.dot(normal), lidar.azimuth_step_rad * row.range_m);
+        let between_m = lidar.azimuth_step_rad * row.range_m;
         // From behind, left is right.
-        let to_plate = cosine.signum() / cosine.abs().max(0.3);
+        let to_plate = row.view.dot(normal).signum() / cosine(row, normal);
         Ends {
             height: row.height,
             middle_m: f64::midpoint(row.span_m.0, row.span_m.1) * to_plate,

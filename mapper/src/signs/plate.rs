@@ -89,7 +89,7 @@ pub(super) fn plate(
     };
     // What hides a side of a plate from some scans does not from others.
     let end_m = |side: f64| {
-        let half_m = |r: &Row| 0.5 * r.width_m() / r.view.dot(&normal).abs().max(0.3);
+        let half_m = |r: &Row| 0.5 * r.width_m() / cosine(r, &normal);
         weighted(LONGEST, &|r| side * (r.middle.coords - origin).dot(&across) + half_m(r))
     };
     let aside_m = (end_m(1.0)? - end_m(-1.0)?) / 2.0;
@@ -156,9 +156,15 @@ fn agreement(rows: &[Told<'_>]) -> f64 {
     plate / (plate + against).max(1.0)
 }
 
+/// Cosine between the view of a row and the normal of its plate, as far as ends of rows
+/// that look along the plate tell anything.
+pub(super) fn cosine(row: &Row, normal: &Vector2<f64>) -> f64 {
+    row.view.dot(normal).abs().max(0.3)
+}
+
 /// How wide a plate with this normal is at a row, metres.
 pub(super) fn width_m(row: &Row, normal: &Vector2<f64>, config: &OutlineConfig, lidar: &LidarConfig) -> f64 {
-    row.width_m() / row.view.dot(normal).abs().max(0.3) + (lidar.azimuth_step_rad - config.beam_rad) * row.range_m
+    row.width_m() / cosine(row, normal) + (lidar.azimuth_step_rad - config.beam_rad) * row.range_m
 }
 
 /// The diagonal of a board, the diameter of what is narrower above or below.

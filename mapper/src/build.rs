@@ -14,7 +14,7 @@ use crate::passes::Passes;
 use crate::poles::{FittedPole, find_poles};
 use crate::register::{Registration, refine};
 use crate::roads::{Stretch, road, stretches};
-use crate::signs::find_signs;
+use crate::signs::{find_signs, name_posts};
 
 /// Where the poses of a build come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum, serde::Serialize, serde::Deserialize)]
@@ -161,8 +161,9 @@ fn extract(cloud: &Cloud, owned: &std::ops::Range<f64>, map: &SemanticMap, confi
     let ((poles, signs), (lanes, side_lanes)) = rayon::join(
         || {
             // Signs hang on posts.
-            let poles = find_poles(cloud, &config.poles, &config.lidar);
+            let mut poles = find_poles(cloud, &config.poles, &config.lidar);
             let signs = find_signs(cloud, &poles, &config.signs, &config.lidar);
+            name_posts(&mut poles, &signs);
             (poles, signs)
         },
         || {

@@ -9,9 +9,10 @@ pub struct RoadId(pub u32);
 /// What a pole is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum PoleKind {
-    /// A tall mast: lamp posts, traffic-light and catenary masts.
+    /// A mast: lamp posts, traffic-light and catenary masts, and any other post of
+    /// which the upper end was not seen. It may go on above where it is mapped.
     LampPost,
-    /// A post of sign height, with or without a sign found on it.
+    /// A post that ends at a sign or light.
     SignPost,
     /// A delineator or a bollard, about a metre high.
     Delineator,

@@ -64,10 +64,7 @@ pub fn find_signs(
     let bright = bright_plates(cloud, config, lidar);
     let bright: Vec<Vec<FoundSign>> =
         bright.par_iter().map(|plate| outlined(plate, cloud, poles, config, lidar)).collect();
-    let carries_sign = |pole: &FittedPole| {
-        let is_on = |sign: &FoundSign| (sign.centroid.x - pole.top.x).hypot(sign.centroid.z - pole.top.z) < SAME_M;
-        bright.iter().flatten().any(is_on)
-    };
+    let carries_sign = |pole: &FittedPole| bright.iter().flatten().any(|sign| is_over(sign, &pole.top));
     let on_posts: Vec<Vec<FoundSign>> = poles
         .par_iter()
         .filter(|(kind, _)| *kind != PoleKind::Trunk)
@@ -83,6 +80,26 @@ pub fn find_signs(
         }
     }
     found
+}
+
+/// What is called a sign post ends at a sign: where none hangs at the upper end of
+/// a post, leaves may hide how far it goes on (of 46 such posts on ten generated
+/// drives 32 do go on, 26 of them lamp posts), and it counts as a lamp post.
+pub fn name_posts(poles: &mut [(PoleKind, FittedPole)], signs: &[FoundSign]) {
+    for (kind, pole) in poles.iter_mut().filter(|(kind, _)| *kind == PoleKind::SignPost) {
+        let ends_at = |sign: &FoundSign| {
+            let upper = sign.centroid.y - sign.size_m / 2.0;
+            is_over(sign, &pole.top) && upper < pole.top.y + BELOW_TOP_M
+        };
+        if !signs.iter().any(ends_at) {
+            *kind = PoleKind::LampPost;
+        }
+    }
+}
+
+/// Whether a sign is where a post is, seen from above.
+fn is_over(sign: &FoundSign, top: &Point3<f64>) -> bool {
+    (sign.centroid.x - top.x).hypot(sign.centroid.z - top.z) < SAME_M
 }
 
 /// What hangs on a post, whether bright or not; `carries_sign` where something bright
@@ -130,6 +147,10 @@ fn is_same(a: &FoundSign, b: &FoundSign) -> bool {
 
 /// Signs nearer than this in the plane (x, z) hang on one post, metres.
 const SAME_M: f64 = 0.5;
+
+/// A post reaches up to this far above the sign that it ends at, metres: with a
+/// cap, or as the beams that meet the sign lie apart.
+const BELOW_TOP_M: f64 = 0.35;
 
 /// A post is looked for this near to a bright plate, metres.
 const POST_WITHIN_M: f64 = 0.4;

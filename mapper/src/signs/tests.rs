@@ -56,15 +56,37 @@ impl Post {
     }
 
     /// The same on a post that is bare between some heights above ground only.
-    fn found_on(mut self, bare_m: &[(f64, f64)]) -> Vec<FoundSign> {
+    fn found_on(self, bare_m: &[(f64, f64)]) -> Vec<FoundSign> {
+        self.built(bare_m).1
+    }
+
+    /// The same, and the poles.
+    fn built(mut self, bare_m: &[(f64, f64)]) -> (Vec<(PoleKind, FittedPole)>, Vec<FoundSign>) {
         for (from_m, to_m) in bare_m {
             let at = |height_m: f64| self.foot - Vector3::new(0.0, height_m, 0.0);
             self.street.add_cylinder(at(*from_m), at(*to_m), 0.038);
         }
         let (cloud, lidar) = (self.street.cloud(), LidarConfig::default());
         let poles = find_poles(&cloud, &PoleConfig::default(), &lidar);
-        find_signs(&cloud, &poles, &SignConfig::default(), &lidar)
+        let signs = find_signs(&cloud, &poles, &SignConfig::default(), &lidar);
+        (poles, signs)
     }
+}
+
+#[test]
+fn a_post_that_ends_at_no_sign_may_go_on_above_and_is_no_sign_post() {
+    let kinds = |has_sign: bool| {
+        let mut post = Post::new(5.0, 56.0);
+        if has_sign {
+            post.board(0.6, (2.2, 2.8), 0.05, [Some(SHEETING), Some(METAL)]);
+        }
+        let (mut poles, signs) = post.built(&[(0.0, 2.2)]);
+        let [(before, _)] = poles[..] else { panic!("{poles:?}") };
+        name_posts(&mut poles, &signs);
+        (before, poles[0].0)
+    };
+    assert_eq!(kinds(true), (PoleKind::SignPost, PoleKind::SignPost));
+    assert_eq!(kinds(false), (PoleKind::SignPost, PoleKind::LampPost));
 }
 
 #[test]

@@ -123,7 +123,8 @@ impl PoleImage {
         };
         let short_px = -along(&self.top_px);
         let top = if feature.upper_is_cut {
-            1.0
+            // Cut by something in front: anywhere below the top of a low one.
+            if ends.is_low && short_px < -2.0 * ends.top_sigma_px { UNLIKELY } else { 1.0 }
         } else if ends.is_low {
             ends.seen * gaussian(short_px, ends.top_sigma_px) + if short_px > 0.0 { hidden } else { UNLIKELY }
         } else if short_px < 2.0 * ends.top_sigma_px {

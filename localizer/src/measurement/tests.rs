@@ -115,6 +115,20 @@ fn a_foot_in_its_place_speaks_for_the_pole_and_one_in_the_ground_against() {
     assert!(ends(0.5, 1.0) < ends(0.0, 1.0) - 0.5);
 }
 
+#[test]
+fn what_goes_on_above_a_sign_is_not_its_post_though_it_is_cut() {
+    let noise = NoiseConfig::default();
+    let ends = |kind: PoleKind, from: f64| {
+        let pole = PoleCandidate { kind, ..pole(3.0, 15.0, 3.0) };
+        let image = PoleImage::new(&view(), &pole).unwrap();
+        let cut = PreparedPole { upper_is_cut: true, ..feature_of(&pole, from, 1.0) };
+        image.ends_support(&cut, &image.ends(&noise, FOCAL_PX, 1.0), 185.0)
+    };
+    assert!(ends(PoleKind::SignPost, -1.0) < ends(PoleKind::SignPost, 0.2) - 2.0);
+    let (over, own) = (ends(PoleKind::LampPost, -1.0), ends(PoleKind::LampPost, 0.2));
+    assert!((over - own).abs() < 0.3, "{over} {own}");
+}
+
 /// The ends that are seen of a pole's feature, and its observations.
 fn with_ends(kind: PoleKind, height_m: f64, feature: &PreparedPole) -> (Vec<Observation>, Pairing) {
     let pole = PoleCandidate { kind, ..pole(3.0, 15.0, height_m) };

@@ -45,6 +45,7 @@ pub const LIMITS: &[Limits] = &[
     limits("visual_odometry.tracks.window_px", 5.0, 101.0),
     limits("visual_odometry.tracks.levels", 1.0, 8.0),
     limits("visual_odometry.rotation.*", 1e-4, 1000.0),
+    limits("visual_odometry.labels.*", 1e-4, 1000.0),
     range("visual_odometry.road.ahead_m", 1.0, 40.0),
     limits("visual_odometry.road.half_width_m", 0.5, 8.0),
     limits("visual_odometry.road.pixel_m", 0.02, 0.5),

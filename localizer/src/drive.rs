@@ -161,8 +161,16 @@ impl Drive {
 
     /// The odometer for the images of this drive.
     pub fn odometer(&self, config: &Config) -> VisualOdometer {
-        let ground = config.vision.lanes.ground.unwrap_or_else(|| self.ground());
-        VisualOdometer::new(&self.camera, ground.camera_height_m, &config.visual_odometry)
+        VisualOdometer::new(&self.camera, self.camera_height_m(config), &config.visual_odometry)
+    }
+
+    /// The odometer for its label images.
+    pub fn label_odometer(&self, config: &Config) -> VisualOdometer {
+        VisualOdometer::of_labels(&self.camera, self.camera_height_m(config), &config.visual_odometry)
+    }
+
+    fn camera_height_m(&self, config: &Config) -> f64 {
+        config.vision.lanes.ground.unwrap_or_else(|| self.ground()).camera_height_m
     }
 
     /// The settings with the ground that this camera sees, where they do not

@@ -1,14 +1,17 @@
 //! All images of a drive, one after the other: what each shows, and how the
 //! camera moved between them.
 
+use std::borrow::Cow;
 use std::time::Instant;
 
 use crate::Result;
 use crate::config::Config;
 use crate::drive::{Drive, Seen, Source, image_size};
-use crate::odometry::OdometryLog;
+use crate::odometry::{OdometryConfig, OdometryLog};
 use crate::projection::ImageSize;
 use crate::run::FrameFeatures;
+use crate::vision::Plane;
+use crate::visual_odometry::VisualOdometer;
 
 /// What the images of a drive show.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,19 +19,28 @@ pub struct Watched {
     /// What each frame shows.
     pub frames: Vec<FrameFeatures>,
     /// How the camera moved, where the images say so.
-    pub motion: OdometryLog,
+    pub motion: MotionOfImages,
     /// Size of the images, pixels; zero without any.
     pub image: ImageSize,
 }
 
+/// How the camera moved, as the images say.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MotionOfImages {
+    /// What they say.
+    pub log: OdometryLog,
+    /// How well they know it.
+    pub accuracy: OdometryConfig,
+}
+
 /// What is known of the motion: what a log of wheels says, else the images. Sets
 /// how well in the settings.
-pub fn odometry(wheels: Option<OdometryLog>, images: &OdometryLog, config: &mut Config) -> OdometryLog {
+pub fn odometry(wheels: Option<OdometryLog>, images: &MotionOfImages, config: &mut Config) -> OdometryLog {
     wheels.unwrap_or_else(|| {
-        if !images.is_empty() {
-            config.odometry = config.visual_odometry.accuracy;
+        if !images.log.is_empty() {
+            config.odometry = images.accuracy;
         }
-        images.clone()
+        images.log.clone()
     })
 }
 
@@ -44,22 +56,18 @@ pub fn watch(
     mut seen: impl FnMut(usize, &Seen) -> Result<()>,
 ) -> Result<Watched> {
     let mut size = None;
-    let mut odometer = config.visual_odometry.is_on.then(|| drive.odometer(config));
-    let mut before_s = None;
-    let mut watched = Watched { frames: Vec::new(), motion: OdometryLog::default(), image: image_size(0, 0) };
+    let mut watcher: Option<Watcher> = None;
+    let mut seen_frames = Vec::new();
     for frame in frames {
         let found = drive.see(frame, source, size, &config.vision)?;
         size = Some((found.maps.width(), found.maps.height()));
         seen(frame, &found)?;
         let time_s = drive.times_s[frame];
         let started = Instant::now();
-        if let Some((odometer, grey)) = odometer.as_mut().zip(found.grey.as_ref()) {
-            if let Some((shown, before_s)) = odometer.step(grey, time_s).zip(before_s) {
-                watched.motion.push(before_s, time_s, shown);
-            }
-            before_s = Some(time_s);
+        if config.visual_odometry.is_on {
+            watcher.get_or_insert_with(|| Watcher::of(drive, &found, config)).step(&found, time_s);
         }
-        watched.frames.push(FrameFeatures {
+        seen_frames.push(FrameFeatures {
             frame,
             time_s,
             features: found.features,
@@ -67,8 +75,41 @@ pub fn watch(
             features_ms: found.features_ms + started.elapsed().as_secs_f64() * 1e3,
         });
     }
-    if let Some((width, height)) = size {
-        watched.image = image_size(width, height);
+    let image = size.map_or_else(|| image_size(0, 0), |(width, height)| image_size(width, height));
+    let accuracy = match &watcher {
+        Some(watcher) if watcher.is_of_labels => config.visual_odometry.accuracy_of_labels(),
+        _ => config.visual_odometry.accuracy,
+    };
+    let motion = MotionOfImages { log: watcher.map(|watcher| watcher.log).unwrap_or_default(), accuracy };
+    Ok(Watched { frames: seen_frames, motion, image })
+}
+
+/// Looks at how the camera moves: at the images of a drive, or at its label images
+/// where the first frame has no other.
+struct Watcher {
+    odometer: VisualOdometer,
+    is_of_labels: bool,
+    before_s: Option<f64>,
+    log: OdometryLog,
+}
+
+impl Watcher {
+    fn of(drive: &Drive, first: &Seen, config: &Config) -> Self {
+        let is_of_labels = first.grey.is_none();
+        let odometer = if is_of_labels { drive.label_odometer(config) } else { drive.odometer(config) };
+        Self { odometer, is_of_labels, before_s: None, log: OdometryLog::default() }
     }
-    Ok(watched)
+
+    fn step(&mut self, seen: &Seen, time_s: f64) {
+        let plane: Option<Cow<'_, Plane>> = if self.is_of_labels {
+            Some(Cow::Owned(seen.maps.largest()))
+        } else {
+            seen.grey.as_ref().map(Cow::Borrowed)
+        };
+        let Some(plane) = plane else { return };
+        if let Some((shown, before_s)) = self.odometer.step(&plane, time_s).zip(self.before_s) {
+            self.log.push(before_s, time_s, shown);
+        }
+        self.before_s = Some(time_s);
+    }
 }

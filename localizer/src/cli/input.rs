@@ -11,11 +11,10 @@ use crate::config::Config;
 use crate::drive::{Drive, Seen, Source};
 use crate::gps::{GpsFix, simulate};
 use crate::local_map::LocalMap;
-use crate::odometry::OdometryLog;
 use crate::projection::ImageSize;
 use crate::run::FrameFeatures;
 use crate::vision::network::Runtime;
-use crate::watch::{Watched, watch};
+use crate::watch::{MotionOfImages, Watched, watch};
 use crate::{Error, Result};
 
 /// The drive and where its features come from.
@@ -65,7 +64,7 @@ pub struct Input {
     /// What its frames show.
     pub frames: Vec<FrameFeatures>,
     /// How it moved, as its images say.
-    pub motion: OdometryLog,
+    pub motion: MotionOfImages,
 }
 
 impl InputArgs {

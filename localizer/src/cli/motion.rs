@@ -11,6 +11,7 @@ use super::input::progress;
 use crate::Result;
 use crate::drive::Drive;
 use crate::odometry::Odometry;
+use crate::vision::labels;
 
 /// Arguments of `localizer motion`.
 #[derive(Debug, Args)]
@@ -21,10 +22,14 @@ pub struct MotionArgs {
     /// Name of the sequence.
     #[arg(long, value_name = "NN", default_value = "04")]
     sequence: String,
+    /// Probability images CLASS/NNNNNN.png to tell it from, instead of the images
+    /// of the drive; they tell the turn alone.
+    #[arg(long, value_name = "DIR")]
+    labels: Option<PathBuf>,
     /// First frame.
     #[arg(long, value_name = "F", default_value_t = 0)]
     first: usize,
-    /// Last frame; default: the last that has an image.
+    /// Last frame; default: the last that has an image (or labels).
     #[arg(long, value_name = "L")]
     last: Option<usize>,
     /// True poses to hold it against, a file of KITTI poses.
@@ -47,17 +52,25 @@ struct Step {
 
 pub fn execute(args: &MotionArgs) -> Result<bool> {
     let Some(config) = args.config.load()? else { return Ok(true) };
-    let drive =
-        Drive::open(&super::required(args.kitti.as_ref(), "--kitti")?, &args.sequence, None, args.first, args.last)?;
+    let root = super::required(args.kitti.as_ref(), "--kitti")?;
+    let drive = Drive::open(&root, &args.sequence, args.labels.as_deref(), args.first, args.last)?;
     let truth = args.truth.as_ref().map(|path| drive.sequence.poses_from(path)).transpose()?.unwrap_or_default();
-    let mut odometer = drive.odometer(&config);
+    let mut odometer = match args.labels {
+        Some(_) => drive.label_odometer(&config),
+        None => drive.odometer(&config),
+    };
+    let mut size = None;
     let mut csv = String::from("t_s,speed_m_s,yaw_rate_rad_s\n");
     let mut steps = Vec::new();
     let mut spent_s = 0.0;
     let bar = progress(drive.frames.len(), "motion");
     let mut before: Option<usize> = None;
     for &frame in &drive.frames {
-        let grey = drive.image(frame)?.grey();
+        let grey = match &args.labels {
+            Some(folder) => labels::read(folder, frame, size)?.largest(),
+            None => drive.image(frame)?.grey(),
+        };
+        size = Some((grey.width(), grey.height()));
         let started = Instant::now();
         let shown = odometer.step(&grey, drive.times_s[frame]);
         spent_s += started.elapsed().as_secs_f64();

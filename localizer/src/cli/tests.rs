@@ -81,6 +81,8 @@ fn a_drive_is_localized_and_scored_from_files() {
     assert!(matches!(run_words(&tum), Err(Error::MissingOption { option: "--times" })));
     assert!(run_words(&format!("{tum} --times {at}/kitti/sequences/90/times.txt")).unwrap());
     assert!(run_words(&format!("trial {drive} --draws 1")).unwrap());
+    let motion = format!("motion --kitti {at}/kitti --sequence 90 --labels {at}/labels");
+    assert!(run_words(&format!("{motion} --truth {at}/kitti/poses/90.txt --out {at}/motion.csv")).unwrap());
     // The same input gives the same bytes.
     assert!(run_words(&format!("run {drive} --gps-seed 3 --out {at}/again")).unwrap());
     let bytes = |out: &str, name: &str| std::fs::read(folder.path().join(out).join(name)).unwrap();

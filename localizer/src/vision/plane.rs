@@ -115,6 +115,17 @@ impl ProbabilityMaps {
         &self.planes[class as usize]
     }
 
+    /// The largest of the probabilities of each pixel.
+    pub fn largest(&self) -> Plane {
+        let mut largest = self.planes[0].clone();
+        for plane in &self.planes[1..] {
+            for (value, other) in largest.data.iter_mut().zip(&plane.data) {
+                *value = (*value).max(*other);
+            }
+        }
+        largest
+    }
+
     /// Replaces the probabilities of a class.
     ///
     /// # Errors
@@ -139,6 +150,14 @@ mod tests {
         assert!(maps.set(Class::Lane, Plane::zeros(4, 3)).is_ok());
         let error = maps.set(Class::Lane, Plane::zeros(3, 4)).unwrap_err().to_string();
         assert!(error.contains("lane") && error.contains("3x4") && error.contains("4x3"), "{error}");
+    }
+
+    #[test]
+    fn the_largest_is_that_of_any_class() {
+        let mut maps = ProbabilityMaps::zeros(3, 1);
+        maps.set(Class::Pole, Plane::new(3, vec![9, 0, 3]).unwrap()).unwrap();
+        maps.set(Class::Lane, Plane::new(3, vec![4, 7, 3]).unwrap()).unwrap();
+        assert_eq!(maps.largest().data(), [9, 7, 3]);
     }
 
     #[test]

@@ -17,7 +17,7 @@ use common::geometry::PinholeCamera;
 use image::GrayImage;
 use nalgebra::Rotation3;
 
-pub use config::{RoadConfig, RotationConfig, TrackConfig, VisualOdometryConfig};
+pub use config::{LabelConfig, RoadConfig, RotationConfig, TrackConfig, VisualOdometryConfig};
 use grade::Grade;
 use road::{Road, Shift, View};
 use rotation::{ASIDE, Belief, DOWN, Motion, Parameters, YAW, fit};
@@ -41,6 +41,8 @@ pub struct VisualOdometer {
     config: VisualOdometryConfig,
     camera: PinholeCamera,
     camera_height_m: f64,
+    /// Whether the images show the road.
+    sees_road: bool,
     follower: Follower,
     before: Option<(GrayImage, f64)>,
     /// The last turn about the camera's axes, right, down and forward.
@@ -62,6 +64,7 @@ impl VisualOdometer {
             config: *config,
             camera: *camera,
             camera_height_m,
+            sees_road: true,
             follower: Follower::new(config.tracks),
             before: None,
             turn_rad_s: [0.0; 3],
@@ -73,6 +76,15 @@ impl VisualOdometer {
         }
     }
 
+    /// For label images, of which the brightness is how likely something is: they
+    /// tell the turn alone.
+    pub fn of_labels(camera: &PinholeCamera, camera_height_m: f64, config: &VisualOdometryConfig) -> Self {
+        let LabelConfig { sigma_px, fewest, aside_sigma_rad, .. } = config.labels;
+        let rotation = RotationConfig { sigma_px, aside_sigma_rad, fewest, ..config.rotation };
+        let config = VisualOdometryConfig { rotation, ..*config };
+        Self { sees_road: false, ..Self::new(camera, camera_height_m, &config) }
+    }
+
     /// The mean motion since the image before; none for the first, for images
     /// of different sizes, and where too few points agree. The speed is missing
     /// where the road does not tell it.
@@ -80,7 +92,8 @@ impl VisualOdometer {
         let size = |pixels: usize| u32::try_from(pixels).ok().filter(|pixels| *pixels > 0);
         let image = GrayImage::from_raw(size(grey.width())?, size(grey.height())?, grey.data().to_vec())?;
         if self.before.as_ref().is_some_and(|(before, _)| before.dimensions() != image.dimensions()) {
-            *self = Self::new(&self.camera, self.camera_height_m, &self.config);
+            let sees_road = self.sees_road;
+            *self = Self { sees_road, ..Self::new(&self.camera, self.camera_height_m, &self.config) };
         }
         self.follower.advance(&image);
         let (before, before_s) = self.before.replace((image, time_s))?;
@@ -150,7 +163,7 @@ impl VisualOdometer {
 
     /// How far it went since `before`.
     fn drive(&self, before: &GrayImage, parameters: &Parameters, dt_s: f64) -> Option<Shift> {
-        let (image, _) = self.before.as_ref()?;
+        let (image, _) = self.before.as_ref().filter(|_| self.sees_road)?;
         let config = &self.config.road;
         let after_from_before = Motion::new(parameters).after_from_before;
         let most_m = config.fastest_m_s * dt_s;

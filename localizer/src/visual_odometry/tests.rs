@@ -81,6 +81,24 @@ fn speed_and_turn_are_read_from_the_images() {
 }
 
 #[test]
+fn masks_tell_the_turn_and_no_speed() {
+    let mut odometer = VisualOdometer::of_labels(&camera(), HEIGHT_M, &VisualOdometryConfig::default());
+    let step = |i: i32| {
+        let t = f64::from(i) * 0.1;
+        let mut masks = image(10.0 * t, 0.06 * (t - 0.3), 0.0);
+        masks.data_mut().iter_mut().for_each(|value| *value = if *value > 160 { 255 } else { 0 });
+        odometer.step(&masks, t)
+    };
+    let steps: Vec<Option<Odometry>> = (0..7).map(step).collect();
+    assert!(steps[0].is_none());
+    let turns: Vec<f64> = steps[1..].iter().map(|step| step.unwrap().yaw_rate_rad_s).collect();
+    assert!(steps[1..].iter().all(|step| step.unwrap().speed_m_s.is_none()));
+    // Their edges flicker.
+    let mean = turns.iter().sum::<f64>() / turns.len() as f64;
+    assert!((mean + 0.06).abs() < 0.015 && turns.iter().all(|turn| (turn + 0.06).abs() < 0.04), "{turns:?}");
+}
+
+#[test]
 fn crests_and_sags_are_no_speed() {
     for sag_per_m in [-0.003, 0.003] {
         let speed_off = |sag_sigma_per_m: f64| {

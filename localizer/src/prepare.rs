@@ -9,6 +9,15 @@ use crate::features::{Features, LaneFeature, LineFeature, MarkEdge, PointFeature
 /// Places along a lane feature where it is compared with the map.
 pub const MAX_KNOTS: usize = 6;
 
+/// Probabilities count as no closer than this to 0 and 1: 8 bits do not tell more.
+const LEAST_PROBABILITY: f64 = 0.02;
+
+/// Log odds of the probability of a region, nats.
+pub fn log_odds(probability: f64) -> f64 {
+    let p = probability.clamp(LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY);
+    (p / (1.0 - p)).ln()
+}
+
 /// A pole feature.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PreparedPole {
@@ -35,6 +44,8 @@ pub struct PreparedPole {
     pub lower_is_cut: bool,
     /// The upper end is cut.
     pub upper_is_cut: bool,
+    /// Log odds of its probability, nats.
+    pub log_odds: f64,
 }
 
 impl PreparedPole {
@@ -55,6 +66,7 @@ impl PreparedPole {
             angle_sigma_rad: feature.angle_sigma_rad,
             lower_is_cut: feature.lower_is_cut,
             upper_is_cut: feature.upper_is_cut,
+            log_odds: log_odds(feature.probability),
         })
     }
 

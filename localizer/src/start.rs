@@ -234,6 +234,7 @@ pub fn is_alike(a: &Pose, b: &Pose, distance_m: f64, angle_rad: f64) -> bool {
 mod tests {
     use super::*;
     use crate::associate::detection::DetectionConfig;
+    use crate::associate::odds::UsualOdds;
     use crate::measurement::NoiseConfig;
     use crate::prepare::Prepared;
     use crate::preselect::{Candidates, Lookup, PreselectConfig, Reach};
@@ -262,6 +263,7 @@ mod tests {
                 candidates: &candidates,
                 noise: &noise,
                 detection: &detection,
+                usual: UsualOdds::default(),
             };
             let (map, roads) = world.local_map();
             let run = |scene: &Scene<'_>| {

@@ -97,7 +97,7 @@ impl<'a> Tracker<'a> {
             unfollowed_s: f64::INFINITY,
             associator: Associator::default(),
             search: Search::default(),
-            sight: Sight::new(camera, image),
+            sight: Sight::new(camera, image, &config.detection.odds),
             rivals: Vec::new(),
             said: None,
         }

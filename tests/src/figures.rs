@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 
 use common::geometry::{PinholeCamera, Pose, Tangent, retract};
 use localizer::associate::matching::{Matcher, Scene};
+use localizer::associate::odds::UsualOdds;
 use localizer::config::Config;
 use localizer::estimate::LandmarkId;
 use localizer::eval::FrameError;
@@ -104,6 +105,7 @@ impl Matched {
             candidates: &candidates,
             noise,
             detection,
+            usual: UsualOdds::new(&detection.odds),
         };
         let mut matcher = Matcher::default();
         matcher.run(&scene, &pose, &result.estimate.covariance);

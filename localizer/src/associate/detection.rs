@@ -10,6 +10,7 @@
 use common::map::{LaneKind, PoleKind, SignKind};
 use serde::{Deserialize, Serialize};
 
+use super::odds::OddsConfig;
 use crate::prepare::Prepared;
 use crate::projection::ImageSize;
 
@@ -65,6 +66,8 @@ pub struct DetectionConfig {
     /// By how much more the ends of marks must speak for one shift along the
     /// line than for any other, nats: marks are all alike.
     pub mark_lead: f64,
+    /// What probabilities of regions say.
+    pub odds: OddsConfig,
 }
 
 impl Default for DetectionConfig {
@@ -89,6 +92,7 @@ impl Default for DetectionConfig {
             sign_band_of_height: 0.5,
             mark_clutter_m: 6.0,
             mark_lead: 3.0,
+            odds: OddsConfig::default(),
         }
     }
 }

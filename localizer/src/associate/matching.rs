@@ -9,6 +9,7 @@ use common::geometry::{PinholeCamera, Pose};
 use nalgebra::{Matrix2, Matrix6, Vector2, Vector3, Vector6};
 
 use super::detection::{Clutter, DetectionConfig};
+use super::odds::UsualOdds;
 use crate::estimate::LandmarkId;
 use crate::measurement::{LaneEnds, LaneVertex, NoiseConfig, Pairing};
 use crate::prepare::Prepared;
@@ -38,6 +39,8 @@ pub struct Scene<'a> {
     pub noise: &'a NoiseConfig,
     /// Detection model.
     pub detection: &'a DetectionConfig,
+    /// What probabilities of regions say.
+    pub usual: UsualOdds,
 }
 
 /// A feature and a landmark that are each other's best.

@@ -2,6 +2,7 @@
 
 pub mod detection;
 pub mod matching;
+pub mod odds;
 pub mod paper;
 pub mod robust;
 pub mod separation;

@@ -205,6 +205,7 @@ mod tests {
     use super::*;
     use crate::associate::detection::DetectionConfig;
     use crate::associate::matching::{Matcher, Scene};
+    use crate::associate::odds::UsualOdds;
     use crate::local_map::LocalMap;
     use crate::measurement::NoiseConfig;
     use crate::prepare::Prepared;
@@ -234,6 +235,7 @@ mod tests {
             candidates: &candidates,
             noise: &NoiseConfig::default(),
             detection: &DetectionConfig::default(),
+            usual: UsualOdds::default(),
         };
         let sigmas = Vector6::new(0.05, 0.05, 0.05, 0.003, 0.003, 0.003);
         let covariance = Matrix6::from_diagonal(&sigmas.component_mul(&sigmas));

@@ -349,6 +349,7 @@ mod tests {
 
     use super::*;
     use crate::associate::detection::DetectionConfig;
+    use crate::associate::odds::UsualOdds;
     use crate::local_map::LocalMap;
     use crate::measurement::NoiseConfig;
     use crate::prepare::Prepared;
@@ -368,7 +369,8 @@ mod tests {
             let mut features = Prepared::default();
             features.fill(&world.features(frame));
             let (camera, candidates, features) = (&world.camera, &candidates, &features);
-            let scene = Scene { camera, image: IMAGE, features, candidates, noise: &noise, detection: &detection };
+            let (noise, detection, usual) = (&noise, &detection, UsualOdds::default());
+            let scene = Scene { camera, image: IMAGE, features, candidates, noise, detection, usual };
             let (mut field, config) = (Field::default(), StartConfig::default());
             field.fill(&scene);
             let at_truth = field.score(&scene, &truth, &sigmas, &config);

@@ -3,6 +3,7 @@
 use common::geometry::PinholeCamera;
 
 use crate::associate::matching::Scene;
+use crate::associate::odds::{OddsConfig, UsualOdds};
 use crate::config::Config;
 use crate::features::Features;
 use crate::prepare::Prepared;
@@ -18,13 +19,21 @@ pub(super) struct Sight {
     pub candidates: Candidates,
     /// The features of the image before.
     before: Prepared,
+    usual: UsualOdds,
 }
 
 impl Sight {
     /// Nothing is seen yet.
-    pub fn new(camera: &PinholeCamera, image: ImageSize) -> Self {
+    pub fn new(camera: &PinholeCamera, image: ImageSize, odds: &OddsConfig) -> Self {
         let (features, before) = (Prepared::default(), Prepared::default());
-        Self { camera: *camera, image, features, candidates: Candidates::default(), before }
+        Self {
+            camera: *camera,
+            image,
+            features,
+            candidates: Candidates::default(),
+            before,
+            usual: UsualOdds::new(odds),
+        }
     }
 
     /// Takes the features of the next image; says whether they are those of the
@@ -32,7 +41,11 @@ impl Sight {
     pub fn look(&mut self, features: &Features) -> bool {
         std::mem::swap(&mut self.features, &mut self.before);
         self.features.fill(features);
-        self.features == self.before
+        let shows_the_same = self.features == self.before;
+        if !shows_the_same {
+            self.usual.learn(&self.features);
+        }
+        shows_the_same
     }
 
     /// As it is matched.
@@ -44,6 +57,7 @@ impl Sight {
             candidates: &self.candidates,
             noise: &config.noise,
             detection: &config.detection,
+            usual: self.usual,
         }
     }
 }

@@ -48,6 +48,7 @@ impl Owned {
             candidates: &self.candidates,
             noise: &self.noise,
             detection: &self.detection,
+            usual: UsualOdds::default(),
         }
     }
 }

@@ -43,7 +43,7 @@ pub enum Step {
     Height,
     /// Vehicles stay near roads and head along them.
     Road,
-    /// Images, or a log of wheels, tell how fast it drove and turned.
+    /// Images, label images, or a log of wheels tell how fast it drove and turned.
     Odometry,
     /// A vehicle goes where its axle points.
     Wheels,
@@ -68,6 +68,8 @@ pub enum Step {
     Range,
     /// What stands behind houses is seen less often.
     Sight,
+    /// How sure the network was of a pole counts.
+    Odds,
     /// One bus may hide any number of landmarks.
     Blocked,
     /// The robust loss.
@@ -145,6 +147,7 @@ impl Step {
             Self::Sigmas => same_sigmas(&mut trial),
             Self::Range => (config.detection.range_m, config.detection.low_range_m) = (NEVER, NEVER),
             Self::Sight => config.detection.open_m = NEVER,
+            Self::Odds => config.detection.odds.most = 0.0,
             Self::Blocked => config.detection.blocked = 0.0,
             Self::Loss => config.solver.loss = Loss::Quadratic,
             Self::Rounds => config.robust.max_rounds = 1,

@@ -29,6 +29,8 @@ pub const LIMITS: &[Limits] = &[
     limits("start.max_cells", 1.0, 1e7),
     limits("detection.lane_spread_of_width", 0.001, 1.0),
     limits("detection.sign_band_of_height", 0.01, 1.0),
+    limits("detection.odds.usual_pole", 0.0, 1.0),
+    limits("detection.odds.*", 0.0, 1e9),
     limits("noise.end_sigma_px", 0.1, 1000.0),
     limits("robust.max_rounds", 1.0, 1000.0),
     limits("bank.most_astray", 0.0, 1e9),

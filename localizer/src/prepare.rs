@@ -12,9 +12,10 @@ pub const MAX_KNOTS: usize = 6;
 /// Probabilities count as no closer than this to 0 and 1: 8 bits do not tell more.
 const LEAST_PROBABILITY: f64 = 0.02;
 
-/// Log odds of the probability of a region, nats.
+/// Log odds of the probability of a region, nats; even where it is no number.
 pub fn log_odds(probability: f64) -> f64 {
-    let p = probability.clamp(LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY);
+    let known = if probability.is_nan() { 0.5 } else { probability };
+    let p = known.clamp(LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY);
     (p / (1.0 - p)).ln()
 }
 

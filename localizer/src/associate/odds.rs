@@ -130,6 +130,7 @@ mod tests {
         let usual = UsualOdds::default();
         let of = |probability: f64| usual.of_pole(PoleKind::LampPost, log_odds(probability));
         assert!(of(0.25) < -1.0 && of(0.5).abs() < 1e-9 && of(0.9) > 2.0);
+        assert!(of(f64::NAN).abs() < 1e-9);
         assert!((of(0.0) + 3.0).abs() < 1e-9 && (of(1.0) - 3.0).abs() < 1e-9);
         assert!(usual.of_pole(PoleKind::Delineator, log_odds(0.25)).abs() < of(0.25).abs());
     }

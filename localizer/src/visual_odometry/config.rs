@@ -8,7 +8,7 @@ use crate::odometry::OdometryConfig;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VisualOdometryConfig {
-    /// Whether it is: where there are images, and no log of wheels.
+    /// Whether it is: where there are images or label images, and no log of wheels.
     pub is_on: bool,
     /// The points that are followed.
     pub tracks: TrackConfig,

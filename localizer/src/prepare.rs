@@ -9,7 +9,7 @@ use crate::features::{Features, LaneFeature, LineFeature, MarkEdge, PointFeature
 /// Places along a lane feature where it is compared with the map.
 pub const MAX_KNOTS: usize = 6;
 
-/// Probabilities count as no closer than this to 0 and 1: 8 bits do not tell more.
+/// Probabilities count as no closer than this to 0 and 1: no network is surer.
 const LEAST_PROBABILITY: f64 = 0.02;
 
 /// Log odds of the probability of a region, nats; even where it is no number.

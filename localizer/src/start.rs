@@ -263,7 +263,7 @@ mod tests {
                 candidates: &candidates,
                 noise: &noise,
                 detection: &detection,
-                usual: UsualOdds::default(),
+                odds: UsualOdds::default(),
             };
             let (map, roads) = world.local_map();
             let run = |scene: &Scene<'_>| {

@@ -25,7 +25,7 @@ pub struct Watched {
 }
 
 /// How the camera moved, as the images say.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct MotionOfImages {
     /// What they say.
     pub log: OdometryLog,
@@ -76,11 +76,7 @@ pub fn watch(
         });
     }
     let image = size.map_or_else(|| image_size(0, 0), |(width, height)| image_size(width, height));
-    let accuracy = match &watcher {
-        Some(watcher) if watcher.is_of_labels => config.visual_odometry.accuracy_of_labels(),
-        _ => config.visual_odometry.accuracy,
-    };
-    let motion = MotionOfImages { log: watcher.map(|watcher| watcher.log).unwrap_or_default(), accuracy };
+    let motion = watcher.map(|watcher| watcher.motion).unwrap_or_default();
     Ok(Watched { frames: seen_frames, motion, image })
 }
 
@@ -90,14 +86,19 @@ struct Watcher {
     odometer: VisualOdometer,
     is_of_labels: bool,
     before_s: Option<f64>,
-    log: OdometryLog,
+    motion: MotionOfImages,
 }
 
 impl Watcher {
     fn of(drive: &Drive, first: &Seen, config: &Config) -> Self {
         let is_of_labels = first.grey.is_none();
-        let odometer = if is_of_labels { drive.label_odometer(config) } else { drive.odometer(config) };
-        Self { odometer, is_of_labels, before_s: None, log: OdometryLog::default() }
+        let (odometer, accuracy) = if is_of_labels {
+            (drive.label_odometer(config), config.visual_odometry.accuracy_of_labels())
+        } else {
+            (drive.odometer(config), config.visual_odometry.accuracy)
+        };
+        let motion = MotionOfImages { log: OdometryLog::default(), accuracy };
+        Self { odometer, is_of_labels, before_s: None, motion }
     }
 
     fn step(&mut self, seen: &Seen, time_s: f64) {
@@ -108,7 +109,7 @@ impl Watcher {
         };
         let Some(plane) = plane else { return };
         if let Some((shown, before_s)) = self.odometer.step(&plane, time_s).zip(self.before_s) {
-            self.log.push(before_s, time_s, shown);
+            self.motion.log.push(before_s, time_s, shown);
         }
         self.before_s = Some(time_s);
     }

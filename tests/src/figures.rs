@@ -105,7 +105,7 @@ impl Matched {
             candidates: &candidates,
             noise,
             detection,
-            usual: UsualOdds::new(&detection.odds),
+            odds: UsualOdds::new(&detection.odds),
         };
         let mut matcher = Matcher::default();
         matcher.run(&scene, &pose, &result.estimate.covariance);

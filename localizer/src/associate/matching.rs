@@ -40,7 +40,7 @@ pub struct Scene<'a> {
     /// Detection model.
     pub detection: &'a DetectionConfig,
     /// What probabilities of regions say.
-    pub usual: UsualOdds,
+    pub odds: UsualOdds,
 }
 
 /// A feature and a landmark that are each other's best.

@@ -49,38 +49,26 @@ impl Default for OddsConfig {
     }
 }
 
-/// A mean that forgets.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Running {
-    mean: f64,
-    features: f64,
-}
-
-impl Running {
-    fn add(&mut self, value: f64, memory_features: f64) {
-        self.features = (self.features + 1.0).min(memory_features.max(1.0));
-        self.mean += (value - self.mean) / self.features;
-    }
-}
-
 /// The log odds that features have in the mean, and what is made of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UsualOdds {
     config: OddsConfig,
-    poles: Running,
+    mean: f64,
+    /// So many features make that mean.
+    features: f64,
 }
 
 impl UsualOdds {
     /// Before anything was seen.
     pub fn new(config: &OddsConfig) -> Self {
-        let poles = Running { mean: log_odds(config.usual_pole), features: config.assumed_features.max(0.0) };
-        Self { config: *config, poles }
+        Self { config: *config, mean: log_odds(config.usual_pole), features: config.assumed_features }
     }
 
     /// Takes in what a frame shows.
     pub fn learn(&mut self, features: &Prepared) {
         for pole in &features.poles {
-            self.poles.add(pole.log_odds, self.config.memory_features);
+            self.features = (self.features + 1.0).min(self.config.memory_features.max(1.0));
+            self.mean += (pole.log_odds - self.mean) / self.features;
         }
     }
 
@@ -92,7 +80,7 @@ impl UsualOdds {
             PoleKind::Delineator | PoleKind::Trunk => self.config.low_pole_slope,
         };
         let most = self.config.most.max(0.0);
-        (slope * (log_odds - self.poles.mean)).clamp(-most, most)
+        (slope * (log_odds - self.mean)).clamp(-most, most)
     }
 }
 

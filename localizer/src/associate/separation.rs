@@ -235,7 +235,7 @@ mod tests {
             candidates: &candidates,
             noise: &NoiseConfig::default(),
             detection: &DetectionConfig::default(),
-            usual: UsualOdds::default(),
+            odds: UsualOdds::default(),
         };
         let sigmas = Vector6::new(0.05, 0.05, 0.05, 0.003, 0.003, 0.003);
         let covariance = Matrix6::from_diagonal(&sigmas.component_mul(&sigmas));

@@ -10,7 +10,7 @@ use crate::projection::{ImageSize, NEAR_M, View, fraction_in_space};
 use crate::residual::Observation;
 
 /// Density, against that of any other end, of a feature that reaches below the
-/// ground at the foot of its pole.
+/// ground at the foot of its pole, or above the top of a low one.
 const UNLIKELY: f64 = 0.05;
 
 /// Standard deviations by which an end of a feature lies off that of its pole at

@@ -369,8 +369,8 @@ mod tests {
             let mut features = Prepared::default();
             features.fill(&world.features(frame));
             let (camera, candidates, features) = (&world.camera, &candidates, &features);
-            let (noise, detection, usual) = (&noise, &detection, UsualOdds::default());
-            let scene = Scene { camera, image: IMAGE, features, candidates, noise, detection, usual };
+            let (noise, detection, odds) = (&noise, &detection, UsualOdds::default());
+            let scene = Scene { camera, image: IMAGE, features, candidates, noise, detection, odds };
             let (mut field, config) = (Field::default(), StartConfig::default());
             field.fill(&scene);
             let at_truth = field.score(&scene, &truth, &sigmas, &config);

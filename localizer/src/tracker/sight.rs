@@ -19,21 +19,14 @@ pub(super) struct Sight {
     pub candidates: Candidates,
     /// The features of the image before.
     before: Prepared,
-    usual: UsualOdds,
+    odds: UsualOdds,
 }
 
 impl Sight {
     /// Nothing is seen yet.
     pub fn new(camera: &PinholeCamera, image: ImageSize, odds: &OddsConfig) -> Self {
         let (features, before) = (Prepared::default(), Prepared::default());
-        Self {
-            camera: *camera,
-            image,
-            features,
-            candidates: Candidates::default(),
-            before,
-            usual: UsualOdds::new(odds),
-        }
+        Self { camera: *camera, image, features, candidates: Candidates::default(), before, odds: UsualOdds::new(odds) }
     }
 
     /// Takes the features of the next image; says whether they are those of the
@@ -43,7 +36,7 @@ impl Sight {
         self.features.fill(features);
         let shows_the_same = self.features == self.before;
         if !shows_the_same {
-            self.usual.learn(&self.features);
+            self.odds.learn(&self.features);
         }
         shows_the_same
     }
@@ -57,7 +50,7 @@ impl Sight {
             candidates: &self.candidates,
             noise: &config.noise,
             detection: &config.detection,
-            usual: self.usual,
+            odds: self.odds,
         }
     }
 }

@@ -114,7 +114,7 @@ impl Matcher {
                 });
                 let length_px = feature.length_px.min(image.visible_length_px(scene.image));
                 let ends = image.ends_support(feature, &ends, rows_px);
-                let odds = scene.usual.of_pole(pole.kind, feature.log_odds);
+                let odds = scene.odds.of_pole(pole.kind, feature.log_odds);
                 let support = log_probability + log_density + ends + odds - look.clutter.poles_per_px2(length_px).ln();
                 self.pairs.push(Pair { feature: i, candidate, distance2, support });
             }

@@ -48,7 +48,7 @@ impl Owned {
             candidates: &self.candidates,
             noise: &self.noise,
             detection: &self.detection,
-            usual: UsualOdds::default(),
+            odds: UsualOdds::default(),
         }
     }
 }

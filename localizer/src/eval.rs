@@ -7,8 +7,10 @@ use crate::estimate::Status;
 use crate::output::{Recorded, Timing};
 
 pub mod trust;
+pub mod turn;
 
 use trust::Trust;
+use turn::ConstantTurn;
 
 /// What the paper reports on 190 frames of KITTI 04.
 pub const PAPER: PaperFigures =
@@ -118,6 +120,9 @@ pub struct Report {
     pub ok_but_off: usize,
     /// What the covariances are worth, where known.
     pub trust: Option<Trust>,
+    /// The turn that truth and estimates have against each other throughout, where the
+    /// covariances are known.
+    pub constant_turn: Option<ConstantTurn>,
     /// Time for the probabilities.
     pub maps: Option<StageTime>,
     /// Time for the features from them.
@@ -133,13 +138,10 @@ pub struct Report {
 /// Scores the estimates that have a true pose (row = frame); none where no
 /// frame has both.
 pub fn score(estimates: &[Recorded], truth: &[Option<Pose>], timing: &[Timing]) -> Option<Report> {
-    let pairs: Vec<(&Recorded, FrameError)> = estimates
-        .iter()
-        .filter_map(|e| {
-            let truth = truth.get(e.frame)?.as_ref()?;
-            Some((e, FrameError::new(e.frame, truth, &e.map_from_camera)))
-        })
-        .collect();
+    let with_truth: Vec<(&Recorded, &Pose)> =
+        estimates.iter().filter_map(|e| Some((e, truth.get(e.frame)?.as_ref()?))).collect();
+    let pairs: Vec<(&Recorded, FrameError)> =
+        with_truth.iter().map(|(e, truth)| (*e, FrameError::new(e.frame, truth, &e.map_from_camera))).collect();
     if pairs.is_empty() {
         return None;
     }
@@ -169,7 +171,8 @@ pub fn score(estimates: &[Recorded], truth: &[Option<Pose>], timing: &[Timing]) 
             .as_ref()
             .map(|all| [Status::Ok, Status::Degraded, Status::Lost].map(|s| all.iter().filter(|t| **t == s).count())),
         ok_but_off: pairs.iter().filter(|(r, e)| r.status == Some(Status::Ok) && e.position_m() >= 0.5).count(),
-        trust: Trust::of(pairs.iter().filter_map(|(r, _)| Some((*r, truth.get(r.frame)?.as_ref()?)))),
+        trust: Trust::of(with_truth.iter().copied()),
+        constant_turn: ConstantTurn::of(&with_truth),
         maps: stage(|t| t.maps_ms),
         features: stage(|t| t.features_ms),
         localize: stage(|t| t.localize_ms),

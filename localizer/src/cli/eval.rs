@@ -7,6 +7,7 @@ use common::geometry::Pose;
 use common::trajectory::Trajectory;
 
 use crate::eval::trust::{ALERT_LIMIT_M, Trust};
+use crate::eval::turn::ConstantTurn;
 use crate::eval::{Report, StageTime, score};
 use crate::output::{Recorded, Timing, read_estimates, read_timing};
 use crate::{Error, Result};
@@ -140,6 +141,7 @@ fn table(report: &Report) -> String {
         lines.push(beside("ok but off by 0.5 m", report.ok_but_off.to_string(), String::new()));
     }
     lines.extend(report.trust.iter().flat_map(trust_lines));
+    lines.extend(report.constant_turn.iter().map(turn_line));
     let stages =
         [("probabilities", report.maps), ("features", report.features), ("association and pose", report.localize)];
     for (name, stage) in stages {
@@ -166,4 +168,13 @@ fn trust_lines(trust: &Trust) -> [String; 2] {
             "claims", trust.available, trust.misleading, trust.hazardous, ALERT_LIMIT_M
         ),
     ]
+}
+
+/// By how much truth and estimates are turned against each other throughout, as a line.
+fn turn_line(turn: &ConstantTurn) -> String {
+    let [pitch_rad, yaw_rad, roll_rad] = turn.turn_rad;
+    format!(
+        "{:<24}pitch {pitch_rad:+.4}, yaw {yaw_rad:+.4}, roll {roll_rad:+.4}; without it angle mean {:.4}, NEES {:.2}",
+        "constant turn, rad", turn.mean_angle_rad, turn.mean_nees
+    )
 }

@@ -1,0 +1,95 @@
+//! The constant turn between the cameras of truth and estimates.
+//!
+//! True poses are seldom of the camera that took the images: those of KITTI are of a
+//! receiver, brought to the camera by a calibration that is off by a tenth of a degree, and
+//! the scans that a map is built of are brought to it by another one. Such a turn is the
+//! same in all frames, and no error of who localizes against the map.
+
+use common::geometry::{Pose, local};
+use nalgebra::{Matrix3, Vector3};
+use serde::Serialize;
+
+use crate::estimate::Status;
+use crate::output::Recorded;
+
+/// The turn that all estimates share, and what is left without it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ConstantTurn {
+    /// About right, down and forward of the camera, from estimate to truth, radians.
+    pub turn_rad: [f64; 3],
+    /// Mean angle error of all frames without it, radians.
+    pub mean_angle_rad: f64,
+    /// Mean of the normalised squared errors of those that are called ok, without it.
+    pub mean_nees: f64,
+}
+
+impl ConstantTurn {
+    /// The likeliest turn of the estimates that are called ok, by their covariances; none
+    /// where none of them has one.
+    ///
+    /// With the error `e_i` of a frame (position and turn, estimate to truth), `W_i` the
+    /// inverse of its covariance and `S` what puts three angles into six numbers, it is the
+    /// `x` that makes the sum of `(e_i - S x)' W_i (e_i - S x)` least.
+    pub fn of(pairs: &[(&Recorded, &Pose)]) -> Option<Self> {
+        let (mut information, mut right, mut count) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
+        let trusted = || {
+            pairs.iter().filter(|(recorded, _)| recorded.status == Some(Status::Ok)).filter_map(|(recorded, truth)| {
+                Some((local(&recorded.map_from_camera, truth), recorded.covariance?.try_inverse()?))
+            })
+        };
+        for (error, weight) in trusted() {
+            information += weight.fixed_view::<3, 3>(3, 3);
+            right += (weight * error).fixed_rows::<3>(3);
+            count += 1.0;
+        }
+        let turn = information.cholesky()?.solve(&right);
+        let nees = trusted().map(|(mut error, weight)| {
+            let left = error.fixed_rows::<3>(3) - turn;
+            error.fixed_rows_mut::<3>(3).copy_from(&left);
+            error.dot(&(weight * error))
+        });
+        let angles = pairs
+            .iter()
+            .map(|(recorded, truth)| (local(&recorded.map_from_camera, truth).fixed_rows::<3>(3) - turn).norm());
+        Some(Self {
+            turn_rad: turn.into(),
+            mean_nees: nees.sum::<f64>() / count,
+            mean_angle_rad: angles.sum::<f64>() / pairs.len() as f64,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use common::geometry::{Tangent, retract};
+    use nalgebra::Matrix6;
+
+    #[test]
+    fn the_turn_that_all_share_is_told_from_errors_that_change() {
+        let turn = Tangent::new(0.0, 0.0, 0.0, 0.002, -0.001, 0.0015);
+        let covariance = Matrix6::from_diagonal(&nalgebra::Vector6::new(0.01, 0.01, 0.01, 1e-6, 1e-6, 1e-6));
+        let recorded: Vec<Recorded> = (0..40)
+            .map(|frame| {
+                let sign = if frame % 2 == 0 { 1.0 } else { -1.0 };
+                let off = Tangent::new(0.05, 0.0, 0.0, 0.0, 0.001, 0.0) * sign;
+                Recorded {
+                    frame,
+                    map_from_camera: retract(&Pose::identity(), &(off - turn)),
+                    status: Some(if frame == 7 { Status::Lost } else { Status::Ok }),
+                    correspondences: None,
+                    covariance: Some(covariance),
+                }
+            })
+            .collect();
+        let truth = Pose::identity();
+        let pairs: Vec<(&Recorded, &Pose)> = recorded.iter().map(|r| (r, &truth)).collect();
+        let found = ConstantTurn::of(&pairs).unwrap();
+        let off = Vector3::from(found.turn_rad) - turn.fixed_rows::<3>(3);
+        assert!(off.norm() < 1e-4, "{found:?}");
+        // What is left is 0.05 m of 0.1 and 0.001 rad of 0.001.
+        assert!((found.mean_nees - 1.25).abs() < 0.05, "{found:?}");
+        assert!((found.mean_angle_rad - 0.001).abs() < 1e-4, "{found:?}");
+        assert!(ConstantTurn::of(&[]).is_none());
+    }
+}

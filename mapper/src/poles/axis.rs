@@ -7,8 +7,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rustc_hash::FxHashMap;
 
-use super::PoleConfig;
 use super::normal::Sums;
+use super::{Plumb, PoleConfig};
 use crate::cloud::{Cloud, CloudPoint};
 
 /// A point near a stack: place, height along -y, and direction from the lidar.
@@ -91,53 +91,6 @@ impl Axis {
         (hit.at - self.at(hit.height)).perp(&hit.from_lidar).abs()
     }
 }
-
-/// Which way poles stand: the slope over height of the plumb line in the map,
-/// and how far poles lean from it. The first camera does not stand level, so
-/// the map's vertical is not it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Plumb {
-    /// `(dx, dz)` per metre upwards.
-    pub slope: Vector2<f64>,
-    /// Usual lean, radians, one standard deviation along each axis.
-    pub lean_rad: f64,
-}
-
-impl Plumb {
-    /// What is known before any pole is: the map's vertical, and that the
-    /// first camera stands level to some degrees.
-    pub fn of_map(config: &PoleConfig) -> Self {
-        Self { slope: Vector2::zeros(), lean_rad: config.usual_tilt_rad }
-    }
-
-    /// The plumb line that poles of given slopes and slope covariances share:
-    /// their mean, each weighted by what it knows and how far poles lean;
-    /// those that lean much count little (Cauchy).
-    pub fn of_poles(poles: &[(Vector2<f64>, Matrix2<f64>)], config: &PoleConfig) -> Self {
-        let lean = Matrix2::identity() * config.usual_lean_rad.powi(2);
-        let mut slope = Vector2::zeros();
-        let mut left = config.usual_tilt_rad;
-        for _ in 0..10 {
-            let mut h = Matrix2::identity() / config.usual_tilt_rad.powi(2);
-            let mut g = Vector2::zeros();
-            for (of_pole, covariance) in poles {
-                let Some(weight) = (covariance + lean).try_inverse() else { continue };
-                let off = of_pole - slope;
-                let robust = (1.0 + off.dot(&(weight * off)) / LEANING).recip();
-                h += weight * robust;
-                g += weight * of_pole * robust;
-            }
-            let Some(covariance) = h.try_inverse() else { break };
-            slope = covariance * g;
-            left = (covariance.trace() / 2.0).sqrt();
-        }
-        Self { slope, lean_rad: config.usual_lean_rad.hypot(left) }
-    }
-}
-
-/// Squared standard deviations from which on a pole counts as one that leans:
-/// the usual lean then says little about it.
-const LEANING: f64 = 6.0;
 
 /// RANSAC trials: a line through two of the points, of which at least half
 /// are on the pole, is missed by all with a chance of 0.75^64 = 1e-8.
@@ -274,10 +227,7 @@ pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, shared: Shared, c
         h[(4, 4)] += prior;
         g[4] += prior * radius * FRAC_PI_4;
         let (slope_of_hits, slope_covariance) = slope_alone(h, &g);
-        // A pole that its hits show to lean is let go of.
-        let off = axis.slope - plumb.slope;
-        let lean = plumb.lean_rad.powi(2);
-        let upright = (1.0 + off.norm_squared() / (lean * LEANING)).recip() / lean;
+        let upright = plumb.uprightness(&(slope_of_hits - plumb.slope), &slope_covariance, config);
         for k in [0, 1] {
             h[(2 + k, 2 + k)] += upright;
             g[2 + k] += upright * plumb.slope[k];

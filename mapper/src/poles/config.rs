@@ -67,6 +67,9 @@ pub struct PoleConfig {
     /// How far a pole usually leans from the plumb line, radians: 1 cm per
     /// metre is what they are put up with. Holds the slope of short ones.
     pub usual_lean_rad: f64,
+    /// Share of poles that lean by up to [`Self::largest_tilt_rad`], two standard
+    /// deviations: they were hit, or their ground has moved.
+    pub leaning_share: f64,
     /// How much wider than the post a slice is that a sign hangs in, metres:
     /// less is noise.
     pub wider_m: f64,
@@ -281,6 +284,7 @@ impl Default for PoleConfig {
             pose_noise_m: 0.02,
             usual_tilt_rad: 0.04,
             usual_lean_rad: 0.01,
+            leaning_share: 0.02,
             wider_m: 0.05,
             foot_radii_m: [0.3, 0.5, 0.8],
             ground_layer_m: 0.1,

@@ -2,10 +2,10 @@
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
-use super::axis::{Axis, Hit, Plumb, SHELL_SPREAD, Shared, above, radius_across, ransac, refine, slim};
+use super::axis::{Axis, Hit, SHELL_SPREAD, Shared, above, radius_across, ransac, refine, slim};
 use super::fences::{Spot, may_be_of_fence, rail};
 use super::flat::is_plate;
-use super::{PoleConfig, Stack, looks_like_pole};
+use super::{Plumb, PoleConfig, Stack, looks_like_pole};
 use crate::cloud::{Cloud, CloudPoint};
 use crate::lidar::{LidarConfig, View, Viewpoint};
 

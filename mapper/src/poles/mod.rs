@@ -8,6 +8,7 @@ mod flat;
 mod kinds;
 mod looks;
 mod normal;
+mod plumb;
 mod reflectors;
 mod roofs;
 mod stacks;
@@ -18,10 +19,10 @@ use common::map::PoleKind;
 use nalgebra::Point2;
 use rayon::prelude::*;
 
-pub use axis::Plumb;
 pub use config::PoleConfig;
 pub use fit::{FittedPole, Wanted, fit_pole};
 pub use kinds::TreeConfig;
+pub use plumb::Plumb;
 pub use stacks::{Stack, Stacks};
 
 use crate::cloud::Cloud;

@@ -5,8 +5,8 @@
 //! the scans that a map is built of are brought to it by another one. Such a turn is the
 //! same in all frames, and no error of who localizes against the map.
 
-use common::geometry::{Pose, local};
-use nalgebra::{Matrix3, Vector3};
+use common::geometry::{Pose, Tangent, local};
+use nalgebra::{Cholesky, U6, Vector3};
 use serde::Serialize;
 
 use crate::estimate::Status;
@@ -24,37 +24,32 @@ pub struct ConstantTurn {
 }
 
 impl ConstantTurn {
-    /// The likeliest turn of the estimates that are called ok, by their covariances; none
-    /// where none of them has one.
-    ///
-    /// With the error `e_i` of a frame (position and turn, estimate to truth), `W_i` the
-    /// inverse of its covariance and `S` what puts three angles into six numbers, it is the
-    /// `x` that makes the sum of `(e_i - S x)' W_i (e_i - S x)` least.
+    /// The mean turn of the estimates that are called ok; none where none of them has a
+    /// covariance.
     pub fn of(pairs: &[(&Recorded, &Pose)]) -> Option<Self> {
-        let (mut information, mut right, mut count) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
-        let trusted = || {
-            pairs.iter().filter(|(recorded, _)| recorded.status == Some(Status::Ok)).filter_map(|(recorded, truth)| {
-                Some((local(&recorded.map_from_camera, truth), recorded.covariance?.try_inverse()?))
-            })
-        };
-        for (error, weight) in trusted() {
-            information += weight.fixed_view::<3, 3>(3, 3);
-            right += (weight * error).fixed_rows::<3>(3);
-            count += 1.0;
-        }
-        let turn = information.cholesky()?.solve(&right);
-        let nees = trusted().map(|(mut error, weight)| {
-            let left = error.fixed_rows::<3>(3) - turn;
-            error.fixed_rows_mut::<3>(3).copy_from(&left);
-            error.dot(&(weight * error))
-        });
-        let angles = pairs
+        let trusted: Vec<(Tangent, Cholesky<f64, U6>)> = pairs
             .iter()
-            .map(|(recorded, truth)| (local(&recorded.map_from_camera, truth).fixed_rows::<3>(3) - turn).norm());
+            .filter(|(recorded, _)| recorded.status == Some(Status::Ok))
+            .filter_map(|(recorded, truth)| {
+                Some((local(&recorded.map_from_camera, truth), Cholesky::new(recorded.covariance?)?))
+            })
+            .collect();
+        if trusted.is_empty() {
+            return None;
+        }
+        let angles = |error: &Tangent| error.fixed_rows::<3>(3).into_owned();
+        let turn = trusted.iter().map(|(error, _)| angles(error)).sum::<Vector3<f64>>() / trusted.len() as f64;
+        let nees = trusted.iter().map(|(error, factor)| {
+            let mut left = *error;
+            left.fixed_rows_mut::<3>(3).copy_from(&(angles(error) - turn));
+            left.dot(&factor.solve(&left))
+        });
+        let left_rad =
+            pairs.iter().map(|(recorded, truth)| (angles(&local(&recorded.map_from_camera, truth)) - turn).norm());
         Some(Self {
             turn_rad: turn.into(),
-            mean_nees: nees.sum::<f64>() / count,
-            mean_angle_rad: angles.sum::<f64>() / pairs.len() as f64,
+            mean_nees: nees.sum::<f64>() / trusted.len() as f64,
+            mean_angle_rad: left_rad.sum::<f64>() / pairs.len() as f64,
         })
     }
 }
@@ -62,7 +57,7 @@ impl ConstantTurn {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use common::geometry::{Tangent, retract};
+    use common::geometry::retract;
     use nalgebra::Matrix6;
 
     #[test]

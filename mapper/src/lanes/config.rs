@@ -160,8 +160,9 @@ pub struct LaneConfig {
     pub least_enclosed_share: f64,
     /// Lateral tolerance of the polyline, metres.
     pub tolerance_m: f64,
-    /// Tolerance of the heights of the polyline, metres: as much as a localizer
-    /// takes them to be off (`noise.lane_height_sigma_m`).
+    /// Tolerance of the heights of the polyline, metres: the largest error, so that
+    /// most are off by less than a localizer takes them to be
+    /// (`noise.lane_height_sigma_m`).
     pub height_tolerance_m: f64,
     /// Half length over which the line is smoothed, metres.
     pub smooth_m: f64,

@@ -18,10 +18,10 @@ mod rivals;
 mod sight;
 
 pub use bank::BankConfig;
-use clock::Clock;
 pub use clock::ClockConfig;
+use clock::{Clock, Interval};
 pub use health::HealthConfig;
-use health::Verdict;
+use health::{Context, Verdict};
 pub use nearby::NearbyConfig;
 pub use rivals::RivalConfig;
 
@@ -69,6 +69,8 @@ pub struct Tracker<'a> {
     region: Region,
     /// How well the times of the images are kept.
     clock: Clock,
+    /// By how much the time since the last frame was doubted, s^2.
+    time_variance_s2: f64,
     /// What was made of the last frame.
     verdict: Option<Verdict>,
     /// Time since the best hypothesis was last followed, seconds.
@@ -93,6 +95,7 @@ impl<'a> Tracker<'a> {
             last_time_s: None,
             region: Region::default(),
             clock: Clock::default(),
+            time_variance_s2: 0.0,
             verdict: None,
             unfollowed_s: f64::INFINITY,
             associator: Associator::default(),
@@ -140,8 +143,8 @@ impl<'a> Tracker<'a> {
         for hypothesis in self.spare.drain(..) {
             hypothesis.predict(dt_s, odometry, &self.config, &mut self.bank);
         }
-        let variance_s2 = self.clock.variance_s2();
-        self.bank.iter_mut().for_each(|hypothesis| hypothesis.state.doubt_time(variance_s2));
+        self.time_variance_s2 = self.clock.variance_s2();
+        self.bank.iter_mut().for_each(|hypothesis| hypothesis.state.doubt_time(self.time_variance_s2));
     }
 
     /// Keeps all hypotheses where a vehicle can be `dt_s` after the last frame,
@@ -201,7 +204,7 @@ impl<'a> Tracker<'a> {
             self.add(jump);
         }
         self.sort();
-        if let Some(interval) = self.bank.first_mut().and_then(|best| best.interval.take()) {
+        if let Some(interval) = self.bank.first().and_then(|best| best.interval) {
             self.clock.learn(&interval, &self.config.clock);
         }
         Ok(())
@@ -339,7 +342,10 @@ impl<'a> Tracker<'a> {
         let lead = self.lead();
         // The pose is that of the image: what its time says is off by so much.
         let late = best.state.time_covariance(self.clock.image_variance_s2());
-        let verdict = health::judge(best, &late, lead, margin, self.verdict, &self.config.health);
+        let contradiction = |interval: Interval| interval.contradiction_sigmas(self.time_variance_s2);
+        let contradiction_sigmas = best.interval.map_or(0.0, contradiction);
+        let context = Context { lead, margin, contradiction_sigmas, late };
+        let verdict = health::judge(best, &context, self.verdict, &self.config.health);
         self.verdict = Some(verdict);
         let status = verdict.status;
         if verdict.is_followed {

@@ -88,6 +88,8 @@ pub enum Step {
     Well,
     /// Ok needs support of this frame.
     Support,
+    /// Ok needs that the image does not contradict how it moved.
+    Contradiction,
     /// Ok needs some frames of tracking.
     Verified,
 }
@@ -160,6 +162,7 @@ impl Step {
             Self::Led => config.health.led_frames = 0,
             Self::Well => config.health.well_frames = 1,
             Self::Support => config.health.min_support = -NEVER,
+            Self::Contradiction => config.health.max_contradiction_sigmas = NEVER,
             Self::Verified => config.health.verify_frames = 0,
         }
         trial

@@ -74,6 +74,23 @@ impl Interval {
             speed_m_s: predicted.velocity[2],
         }
     }
+
+    /// Share of the innovation by which the image moved the prediction; none where the
+    /// variances are none.
+    fn gain(&self) -> Option<f64> {
+        let gain = 1.0 - self.after_m2 / self.before_m2;
+        (0.0..=1.0).contains(&gain).then_some(gain)
+    }
+
+    /// By how many standard deviations the image contradicts the prediction along the
+    /// way, were its time exact: with the gain `K` of the forward position, of which the
+    /// variance was `P`, an innovation `n` moves it by `K n`, and `n^2` is expected to be
+    /// `P / K`, `v^2 s^2` of it for a variance `s^2` of the time.
+    pub fn contradiction_sigmas(&self, variance_s2: f64) -> f64 {
+        let Some(gain) = self.gain().filter(|gain| *gain > 0.0) else { return 0.0 };
+        let exact_m2 = self.before_m2 / gain - self.speed_m_s * self.speed_m_s * variance_s2;
+        if exact_m2 > 0.0 { (self.moved_m / gain).abs() / exact_m2.sqrt() } else { f64::INFINITY }
+    }
 }
 
 /// What is known of the times of images.
@@ -118,18 +135,17 @@ impl Clock {
         }
     }
 
-    /// Learns from a frame. With the gain `K` of the forward position, of which
-    /// the variance was `P`, an innovation `n` moves it by `K n`, and `n^2` is
-    /// expected to be `P / K`, `v^2 s^2` of it for a variance `s^2` of the time.
+    /// Learns from a frame: of the squared innovation that is expected of the forward
+    /// position `v^2 s^2` is for a variance `s^2` of the time (see
+    /// [`Interval::contradiction_sigmas`]).
     /// What the frame asks that to be counts with `(K v)^2`: little where a
     /// vehicle goes slowly or the image says little. The weighted median is taken:
     /// one image in five that is an old one is no clock, either. It is the mean
     /// where all times are off by as much, and less where few are.
     pub fn learn(&mut self, interval: &Interval, config: &ClockConfig) {
-        let gain = 1.0 - interval.after_m2 / interval.before_m2;
+        let Some(gain) = interval.gain() else { return };
         let weight = (gain * interval.speed_m_s).powi(2);
-        // The variances may be none.
-        if !(0.0..=1.0).contains(&gain) || weight <= 0.0 {
+        if weight <= 0.0 {
             return;
         }
         let surplus_m2 = interval.moved_m.powi(2) - gain * interval.before_m2;
@@ -246,5 +262,14 @@ mod tests {
             clock.learn(&Interval { moved_m: 0.5, before_m2, after_m2, speed_m_s: 10.0 }, &config);
         }
         assert_eq!(clock, Clock::default());
+    }
+
+    #[test]
+    fn what_asks_for_more_than_the_motion_allows_contradicts_it_however_times_are_doubted() {
+        // Half of an innovation of 1 m, known to 0.2 m each, of which 0.1 m is for its time.
+        let half = Interval { moved_m: 0.5, before_m2: 0.04, after_m2: 0.02, speed_m_s: 10.0 };
+        assert!((half.contradiction_sigmas(0.0) - 1.0 / 0.08_f64.sqrt()).abs() < 1e-9);
+        assert!((half.contradiction_sigmas(1e-4) - 1.0 / 0.07_f64.sqrt()).abs() < 1e-9);
+        assert!(Interval { after_m2: 0.04, ..half }.contradiction_sigmas(0.0) < 1e-9);
     }
 }

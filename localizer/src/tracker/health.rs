@@ -39,6 +39,9 @@ pub struct HealthConfig {
     pub max_separation_m: f64,
     /// The same if two objects are, metres: there another pose is a rival.
     pub max_separation_of_two_m: f64,
+    /// Standard deviations by which the image of an ok frame may move along its way what the
+    /// motion predicted: an old image that comes again asks for more, braking does not.
+    pub max_contradiction_sigmas: f64,
     /// A frame holds a pose if what was matched is worth at least this, nats,
     /// whatever was not seen: with a house before half of the landmarks the
     /// rest still holds.
@@ -66,6 +69,7 @@ impl Default for HealthConfig {
             max_mean_square: 1.0,
             max_separation_m: 0.5,
             max_separation_of_two_m: 0.7,
+            max_contradiction_sigmas: 3.0,
             min_worth: 6.0,
             lost_after_frames: 8,
             search_sigma_m: 1.5,
@@ -87,20 +91,27 @@ pub struct Verdict {
     pub well_frames: usize,
 }
 
-/// Judges the best hypothesis: `late` is the covariance of its pose for the
-/// time of the image not being known, `lead` its evidence over the next one that
-/// is tracked, `margin` its support over the best pose beside it, nats;
-/// `before` was said of the frame before.
-pub fn judge(
-    best: &Hypothesis,
-    late: &Matrix6<f64>,
-    lead: f64,
-    margin: f64,
-    before: Option<Verdict>,
-    health: &HealthConfig,
-) -> Verdict {
+/// Horizontal standard deviation of a pose, metres.
+pub fn horizontal_m(covariance: &Matrix6<f64>) -> f64 {
+    (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt()
+}
+
+/// What else speaks for or against the best hypothesis.
+#[derive(Debug, Clone, Copy)]
+pub struct Context {
+    /// Its evidence over the next one that is tracked, nats.
+    pub lead: f64,
+    /// Its support over the best pose beside it, nats.
+    pub margin: f64,
+    /// By how many standard deviations the image contradicts how it moved, along its way.
+    pub contradiction_sigmas: f64,
+    /// The covariance of its pose for the time of the image not being known.
+    pub late: Matrix6<f64>,
+}
+
+/// Judges the best hypothesis; `before` was said of the frame before.
+pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, health: &HealthConfig) -> Verdict {
     let was_lost = before.is_some_and(|verdict| verdict.status == Status::Lost);
-    let horizontal_m = |covariance: &Matrix6<f64>| (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt();
     let covariance = best.state.pose_covariance();
     let sigma_m = horizontal_m(&covariance);
     let verified = best.age_frames >= health.verify_frames;
@@ -112,11 +123,12 @@ pub fn judge(
         && best.support >= health.min_support
         && best.mean_square <= health.max_mean_square
         && best.separation.one_m <= health.max_separation_m
-        && lead >= health.ok_lead + best.handicap
-        && margin >= 0.0;
+        && context.lead >= health.ok_lead + best.handicap
+        && context.margin >= 0.0;
     let is_well = is_followed
         && best.separation.two_m <= health.max_separation_of_two_m
-        && horizontal_m(&(covariance + late)) <= health.ok_sigma_m;
+        && context.contradiction_sigmas <= health.max_contradiction_sigmas
+        && horizontal_m(&(covariance + context.late)) <= health.ok_sigma_m;
     let well_frames = if is_well { before.map_or(0, |verdict| verdict.well_frames) + 1 } else { 0 };
     let is_ok = is_well && well_frames >= health.well_frames && best.led_frames >= health.led_frames;
     let status = if is_ok { Status::Ok } else { Status::Degraded };

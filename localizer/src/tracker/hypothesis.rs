@@ -5,6 +5,7 @@ use nalgebra::{Cholesky, Point3};
 
 use super::bank::BankConfig;
 use super::clock::Interval;
+use super::health::horizontal_m;
 use super::region::Region;
 use crate::associate::matching::Scene;
 use crate::associate::robust::{Associator, Question, Refined};
@@ -267,6 +268,10 @@ impl Hypothesis {
         let covariance = self.state.pose_covariance();
         let predicted = self.state.map_from_camera;
         self.predicted.clone_from(&self.state);
+        if horizontal_m(&covariance) > config.health.lost_sigma_m {
+            // So far it was nowhere: what is found now is as good as found anew.
+            (self.age_frames, self.led_frames) = (0, 0);
+        }
         let prior = Prior::new(predicted, &covariance)?;
         let question = Question {
             scene,

@@ -6,6 +6,7 @@ use crate::gps::{GpsConfig, simulate};
 use crate::testing::{IMAGE, Recipe, World, time_s};
 
 mod bank;
+mod trust;
 
 /// What happens to the drive besides its usual noise.
 struct Mishap<'a> {

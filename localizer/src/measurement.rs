@@ -35,6 +35,9 @@ pub struct NoiseConfig {
     /// Ends of the marks of dashed lines, metres along the line: beams of the
     /// lidar cross a line some centimetres apart.
     pub mark_sigma_m: f64,
+    /// Road under them in height, metres: it is the row of the image that tells how far
+    /// away they are, and the vehicle sways.
+    pub mark_height_sigma_m: f64,
     /// What all marks of a line are off by together, metres: the height of the
     /// road between the axles, and the times of camera and lidar. On KITTI 04
     /// marks and poles alike lie 0.1 m off the survey, for seconds.
@@ -70,6 +73,7 @@ impl Default for NoiseConfig {
             lane_sigma_m: 0.02,
             lane_height_sigma_m: 0.02,
             mark_sigma_m: 0.08,
+            mark_height_sigma_m: 0.03,
             mark_common_m: 0.1,
             calibration_sigma_px: 1.0,
             foot_sigma_m: 0.4,

@@ -85,7 +85,7 @@ impl Matcher {
                 let way: Vector2<f64> = (ahead_px - at_px) / SCALE_M;
                 let px_per_m = way.norm();
                 let Some(tangent) = way.try_normalize(1e-6) else { continue };
-                let height_px = tangent.y * noise.lane_height_sigma_m * look.scene.camera.fy_px / depth_m;
+                let height_px = tangent.y * noise.mark_height_sigma_m * look.scene.camera.fy_px / depth_m;
                 let map_px = (noise.mark_sigma_m * px_per_m).hypot(height_px).hypot(noise.calibration_sigma_px);
                 for (edge, seen) in edges.iter().enumerate().filter(|(_, seen)| seen.is_near == is_near) {
                     let observation = Observation::on_line(*end, tangent, &seen.at_px, seen.sigma_px.hypot(map_px));

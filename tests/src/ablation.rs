@@ -84,7 +84,7 @@ pub enum Step {
     Lead,
     /// Ok needs some frames of being the best.
     Led,
-    /// Ok needs two good frames in a row.
+    /// Ok needs two good frames in a row, and five where it was lost.
     Well,
     /// Ok needs support of this frame.
     Support,
@@ -160,7 +160,7 @@ impl Step {
             Self::Residuals => config.health.max_mean_square = NEVER,
             Self::Lead => config.health.ok_lead = -NEVER,
             Self::Led => config.health.led_frames = 0,
-            Self::Well => config.health.well_frames = 1,
+            Self::Well => (config.health.well_frames, config.health.well_frames_anew) = (1, 1),
             Self::Support => config.health.min_support = -NEVER,
             Self::Contradiction => config.health.max_contradiction_sigmas = NEVER,
             Self::Verified => config.health.verify_frames = 0,

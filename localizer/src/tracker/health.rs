@@ -28,6 +28,8 @@ pub struct HealthConfig {
     /// Frames in a row in which all that ok asks of a frame must hold: a wrong
     /// pose may explain one frame well by chance.
     pub well_frames: usize,
+    /// The same for the first ok of all, and after it was lost: then nothing else holds it.
+    pub well_frames_anew: usize,
     /// Evidence by which it must lead over every other that is tracked, nats:
     /// 3 is 95 %. A pose that was jumped to must make up for its handicap, too.
     pub ok_lead: f64,
@@ -65,6 +67,7 @@ impl Default for HealthConfig {
             verify_frames: 5,
             led_frames: 8,
             well_frames: 2,
+            well_frames_anew: 3,
             ok_lead: 3.0,
             max_mean_square: 1.0,
             max_separation_m: 0.5,
@@ -89,6 +92,8 @@ pub struct Verdict {
     pub is_followed: bool,
     /// Frames in a row in which nothing spoke against it.
     pub well_frames: usize,
+    /// It was ok since it was last lost.
+    pub was_ok: bool,
 }
 
 /// Horizontal standard deviation of a pose, metres.
@@ -116,7 +121,7 @@ pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, heal
     let sigma_m = horizontal_m(&covariance);
     let verified = best.age_frames >= health.verify_frames;
     if sigma_m > health.lost_sigma_m || best.weak_frames >= health.lost_after_frames || (was_lost && !verified) {
-        return Verdict { status: Status::Lost, is_followed: false, well_frames: 0 };
+        return Verdict { status: Status::Lost, is_followed: false, well_frames: 0, was_ok: false };
     }
     let is_followed = verified
         && sigma_m <= health.ok_sigma_m
@@ -130,7 +135,9 @@ pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, heal
         && context.contradiction_sigmas <= health.max_contradiction_sigmas
         && horizontal_m(&(covariance + context.late)) <= health.ok_sigma_m;
     let well_frames = if is_well { before.map_or(0, |verdict| verdict.well_frames) + 1 } else { 0 };
-    let is_ok = is_well && well_frames >= health.well_frames && best.led_frames >= health.led_frames;
+    let was_ok = before.is_some_and(|verdict| verdict.was_ok);
+    let asked_frames = if was_ok { health.well_frames } else { health.well_frames_anew };
+    let is_ok = is_well && well_frames >= asked_frames && best.led_frames >= health.led_frames;
     let status = if is_ok { Status::Ok } else { Status::Degraded };
-    Verdict { status, is_followed, well_frames }
+    Verdict { status, is_followed, well_frames, was_ok: was_ok || is_ok }
 }

@@ -35,6 +35,7 @@ pub const LIMITS: &[Limits] = &[
     limits("robust.max_rounds", 1.0, 1000.0),
     limits("bank.most_astray", 0.0, 1e9),
     limits("bank.contradiction", 0.0, 1e9),
+    limits("health.max_contradiction_sigmas", 0.0, 1e9),
     limits("gps.course_sigma_m_s", 0.0, 100.0),
     limits("clock.frames", 1.0, 1000.0),
     limits("clock.max_sigma_s", 0.0, 10.0),

@@ -82,6 +82,8 @@ pub const LIMITS: &[Limits] = &[
     limits("poles.trees.usual_poles", 0.1, 1e6),
     limits("poles.trees.tree_lean_rad", 0.001, 1.0),
     limits("poles.trees.*", 0.0, 1e6),
+    limits("poles.leaning_share", 0.0, 0.5),
+    limits("poles.*_rad", 1e-6, 1.5),
     limits("poles.*_m", 0.0, 60.0),
     range("signs.*.width_m", 0.0, 60.0),
     range("signs.lights.seen_m", 0.0, 60.0),

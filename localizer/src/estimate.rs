@@ -5,6 +5,11 @@ use std::fmt;
 use common::geometry::Pose;
 use nalgebra::Matrix6;
 
+/// Horizontal standard deviation of a pose by its covariance, metres.
+pub fn horizontal_sigma_m(covariance: &Matrix6<f64>) -> f64 {
+    (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt()
+}
+
 /// How far an estimate can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Status {

@@ -84,7 +84,7 @@ pub enum Step {
     Lead,
     /// Ok needs some frames of being the best.
     Led,
-    /// Ok needs two good frames in a row, and five where it was lost.
+    /// Ok needs two good frames in a row, and three where it was lost.
     Well,
     /// Ok needs support of this frame.
     Support,

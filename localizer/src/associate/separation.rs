@@ -10,7 +10,7 @@ use nalgebra::{Cholesky, Matrix6, Point3, Vector6};
 use serde::{Deserialize, Serialize};
 
 use super::matching::Match;
-use crate::estimate::LandmarkId;
+use crate::estimate::{LandmarkId, horizontal_sigma_m};
 use crate::projection::View;
 use crate::solver::{Normal, Prior, SolverConfig};
 
@@ -74,7 +74,7 @@ impl SeparationConfig {
     fn level_m(&self, (information, gradient): &Sum) -> f64 {
         let Some(factor) = Cholesky::new(*information) else { return f64::INFINITY };
         let (step, covariance) = (factor.solve(gradient), factor.inverse());
-        step[0].hypot(step[2]) + self.sigmas * (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt()
+        step[0].hypot(step[2]) + self.sigmas * horizontal_sigma_m(&covariance)
     }
 }
 

@@ -27,12 +27,12 @@ impl ConstantTurn {
     /// The mean turn of the estimates that are called ok; none where none of them has a
     /// covariance.
     pub fn of(pairs: &[(&Recorded, &Pose)]) -> Option<Self> {
-        let trusted: Vec<(Tangent, Cholesky<f64, U6>)> = pairs
+        let errors: Vec<(&Recorded, Tangent)> =
+            pairs.iter().map(|(recorded, truth)| (*recorded, local(&recorded.map_from_camera, truth))).collect();
+        let trusted: Vec<(Tangent, Cholesky<f64, U6>)> = errors
             .iter()
             .filter(|(recorded, _)| recorded.status == Some(Status::Ok))
-            .filter_map(|(recorded, truth)| {
-                Some((local(&recorded.map_from_camera, truth), Cholesky::new(recorded.covariance?)?))
-            })
+            .filter_map(|(recorded, error)| Some((*error, Cholesky::new(recorded.covariance?)?)))
             .collect();
         if trusted.is_empty() {
             return None;
@@ -44,12 +44,11 @@ impl ConstantTurn {
             left.fixed_rows_mut::<3>(3).copy_from(&(angles(error) - turn));
             left.dot(&factor.solve(&left))
         });
-        let left_rad =
-            pairs.iter().map(|(recorded, truth)| (angles(&local(&recorded.map_from_camera, truth)) - turn).norm());
+        let left_rad = errors.iter().map(|(_, error)| (angles(error) - turn).norm());
         Some(Self {
             turn_rad: turn.into(),
             mean_nees: nees.sum::<f64>() / trusted.len() as f64,
-            mean_angle_rad: left_rad.sum::<f64>() / pairs.len() as f64,
+            mean_angle_rad: left_rad.sum::<f64>() / errors.len() as f64,
         })
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 
 use super::hypothesis::Hypothesis;
-use crate::estimate::Status;
+use crate::estimate::{Status, horizontal_sigma_m};
 
 /// Settings of the health tests.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -96,11 +96,6 @@ pub struct Verdict {
     pub was_ok: bool,
 }
 
-/// Horizontal standard deviation of a pose, metres.
-pub fn horizontal_m(covariance: &Matrix6<f64>) -> f64 {
-    (covariance[(0, 0)] + covariance[(2, 2)]).max(0.0).sqrt()
-}
-
 /// What else speaks for or against the best hypothesis.
 #[derive(Debug, Clone, Copy)]
 pub struct Context {
@@ -118,7 +113,7 @@ pub struct Context {
 pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, health: &HealthConfig) -> Verdict {
     let was_lost = before.is_some_and(|verdict| verdict.status == Status::Lost);
     let covariance = best.state.pose_covariance();
-    let sigma_m = horizontal_m(&covariance);
+    let sigma_m = horizontal_sigma_m(&covariance);
     let verified = best.age_frames >= health.verify_frames;
     if sigma_m > health.lost_sigma_m || best.weak_frames >= health.lost_after_frames || (was_lost && !verified) {
         return Verdict { status: Status::Lost, is_followed: false, well_frames: 0, was_ok: false };
@@ -133,7 +128,7 @@ pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, heal
     let is_well = is_followed
         && best.separation.two_m <= health.max_separation_of_two_m
         && context.contradiction_sigmas <= health.max_contradiction_sigmas
-        && horizontal_m(&(covariance + context.late)) <= health.ok_sigma_m;
+        && horizontal_sigma_m(&(covariance + context.late)) <= health.ok_sigma_m;
     let well_frames = if is_well { before.map_or(0, |verdict| verdict.well_frames) + 1 } else { 0 };
     let was_ok = before.is_some_and(|verdict| verdict.was_ok);
     let asked_frames = if was_ok { health.well_frames } else { health.well_frames_anew };

@@ -5,13 +5,12 @@ use nalgebra::{Cholesky, Point3};
 
 use super::bank::BankConfig;
 use super::clock::Interval;
-use super::health::horizontal_m;
 use super::region::Region;
 use crate::associate::matching::Scene;
 use crate::associate::robust::{Associator, Question, Refined};
 use crate::associate::separation::Separation;
 use crate::config::Config;
-use crate::estimate::Correspondence;
+use crate::estimate::{Correspondence, horizontal_sigma_m};
 use crate::filter::State;
 use crate::gps::{GpsConfig, GpsFix};
 use crate::local_map::{LocalMap, RoadKey};
@@ -268,7 +267,7 @@ impl Hypothesis {
         let covariance = self.state.pose_covariance();
         let predicted = self.state.map_from_camera;
         self.predicted.clone_from(&self.state);
-        if horizontal_m(&covariance) > config.health.lost_sigma_m {
+        if horizontal_sigma_m(&covariance) > config.health.lost_sigma_m {
             // So far it was nowhere: what is found now is as good as found anew.
             (self.age_frames, self.led_frames) = (0, 0);
         }

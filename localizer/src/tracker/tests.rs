@@ -107,7 +107,7 @@ fn a_street_is_held_from_every_gps_start() {
 #[test]
 fn a_street_without_lane_lines_is_held() {
     // Some posts alone are believed later than posts between lines: single frames
-    // are good from the twelfth on, two in a row later.
+    // are good from the twelfth on, three in a row later.
     assert_holds_from("no lanes", Recipe { lanes_m: &[], ..street() }, 0.25, 21);
 }
 

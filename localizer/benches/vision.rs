@@ -11,6 +11,10 @@ use localizer::vision::network::{Runtime, run_all};
 use localizer::vision::{Class, Network, Plane, ProbabilityMaps, RgbImage, VisionConfig};
 use localizer::vision::{extract, lanes, poles, read_png, signs};
 
+/// As in the program.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 fn main() {
     divan::main();
 }

@@ -12,6 +12,7 @@ mod denormals;
 mod resample;
 mod runtime;
 mod signature;
+mod softmax;
 mod spec;
 
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! Networks written by hand, byte by byte: one input, one `Sigmoid`, one
+//! Networks written by hand, byte by byte: one input, a layer or two, one
 //! output.
 
 use super::*;
@@ -25,17 +25,24 @@ fn value(name: &str, shape: [u8; 4]) -> Vec<u8> {
     [message(1, name.as_bytes()), message(2, &message(1, &tensor))].concat()
 }
 
-fn sigmoid_network(output: &str, shape: [u8; 4]) -> Vec<u8> {
-    let node =
-        [message(1, b"image"), message(2, output.as_bytes()), message(3, b"only"), message(4, b"Sigmoid")].concat();
-    let graph = [
-        message(1, &node),
-        message(2, b"tiny"),
-        message(11, &value("image", shape)),
-        message(12, &value(output, shape)),
-    ]
-    .concat();
+/// `NodeProto` of an operator, with an axis where it has one.
+fn node(operator: &str, axis: Option<u8>, input: &str, output: &str) -> Vec<u8> {
+    // Its `AttributeProto`, of type INT, which is field 20.
+    let attribute = |axis| [message(1, b"axis"), number(3, axis), vec![0xa0, 1, 2]].concat();
+    let attribute = axis.map_or_else(Vec::new, |axis| message(5, &attribute(axis)));
+    let ends = [message(1, input.as_bytes()), message(2, output.as_bytes())].concat();
+    [ends, message(3, output.as_bytes()), message(4, operator.as_bytes()), attribute].concat()
+}
+
+fn network_of(nodes: &[Vec<u8>], output: &str, shape: [u8; 4]) -> Vec<u8> {
+    let nodes: Vec<u8> = nodes.iter().flat_map(|node| message(1, node)).collect();
+    let graph =
+        [nodes, message(2, b"tiny"), message(11, &value("image", shape)), message(12, &value(output, shape))].concat();
     [number(1, 8), message(7, &graph), message(8, &number(2, 17))].concat()
+}
+
+fn sigmoid_network(output: &str, shape: [u8; 4]) -> Vec<u8> {
+    network_of(&[node("Sigmoid", None, "image", output)], output, shape)
 }
 
 struct Folder(tempfile::TempDir);
@@ -81,6 +88,26 @@ fn activations_make_probabilities_of_logits() {
     let sigmoid = scores.probabilities(&[2], Activation::Sigmoid).unwrap()[0];
     assert!((sigmoid - 0.5).abs() < 1e-6);
     assert!(scores.probabilities(&[3], Activation::None).unwrap_err().contains("channel 3"));
+}
+
+#[test]
+fn a_softmax_at_the_end_is_the_same_whatever_is_behind_it() {
+    let folder = Folder::new();
+    let path = folder.0.path().join("tiny.onnx");
+    let run = |nodes: &[Vec<u8>]| {
+        std::fs::write(&path, network_of(nodes, "out", [1, 3, 4, 8])).unwrap();
+        std::fs::write(path.with_extension("toml"), "[classes]\nsign = [1]\nlane = [2]\n").unwrap();
+        let network = Network::load(&path, Runtime::default()).unwrap();
+        let maps = run_all(&[network], &RgbImage::new(8, [0, 255, 0].repeat(8 * 4)).unwrap()).unwrap();
+        [Class::Sign, Class::Lane].map(|class| maps.plane(class).data()[17])
+    };
+    // Over channels e / (e + 2) = 0.576 and 1 / (e + 2) = 0.212.
+    assert_eq!(run(&[node("Softmax", Some(1), "image", "out")]), [147, 54]);
+    // sigmoid(0.576) = 0.640, sigmoid(0.212) = 0.553.
+    let behind = [node("Softmax", Some(1), "image", "inner"), node("Sigmoid", None, "inner", "out")];
+    assert_eq!(run(&behind), [163, 141]);
+    // Over columns 1 / 8.
+    assert_eq!(run(&[node("Softmax", Some(3), "image", "out")]), [32, 32]);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 //! probability images made before.
 
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::sync_channel;
 
 use common::geometry::PinholeCamera;
 use common::kitti::Sequence;
@@ -24,6 +25,10 @@ pub const CAMERA: usize = 2;
 /// line is fitted to, and the scale of the speed from images, which the map
 /// corrects.
 const CAMERA_HEIGHT_M: f64 = 1.65;
+
+/// Frames that are looked at before they are asked for: enough where one takes
+/// longer than the next.
+const FRAMES_AHEAD: usize = 2;
 
 /// A sequence with what does not change along it.
 #[derive(Debug)]
@@ -157,6 +162,36 @@ impl Drive {
         let features = crate::vision::extract(&maps, grey.as_ref(), &self.calibrated(config));
         let features_ms = started.elapsed().as_secs_f64() * 1e3;
         Ok(Seen { features, maps, grey, maps_ms, features_ms })
+    }
+
+    /// Looks at frames in their order, the next ones while `take` has one: all
+    /// must have the size of the first.
+    ///
+    /// # Errors
+    /// As [`Drive::see`], and what `take` says; nothing comes after either.
+    pub fn see_all(
+        &self,
+        frames: impl IntoIterator<Item = usize, IntoIter: Send>,
+        source: &Source,
+        config: &VisionConfig,
+        mut take: impl FnMut(usize, Seen) -> Result<()>,
+    ) -> Result<()> {
+        let frames = frames.into_iter();
+        std::thread::scope(|scope| {
+            let (give, seen) = sync_channel(FRAMES_AHEAD);
+            scope.spawn(move || {
+                let mut size = None;
+                for frame in frames {
+                    let found = self.see(frame, source, size, config);
+                    size = found.as_ref().ok().map(|found| (found.maps.width(), found.maps.height()));
+                    // Nobody takes more once there was an error.
+                    if give.send((frame, found)).is_err() {
+                        break;
+                    }
+                }
+            });
+            seen.into_iter().try_for_each(|(frame, found)| take(frame, found?))
+        })
     }
 
     /// The odometer for the images of this drive.

@@ -50,17 +50,16 @@ pub fn odometry(wheels: Option<OdometryLog>, images: &MotionOfImages, config: &m
 /// As [`Drive::see`], and what `seen` says.
 pub fn watch(
     drive: &Drive,
-    frames: impl IntoIterator<Item = usize>,
+    frames: impl IntoIterator<Item = usize, IntoIter: Send>,
     source: &Source,
     config: &Config,
     mut seen: impl FnMut(usize, &Seen) -> Result<()>,
 ) -> Result<Watched> {
-    let mut size = None;
+    let mut image = image_size(0, 0);
     let mut watcher: Option<Watcher> = None;
     let mut seen_frames = Vec::new();
-    for frame in frames {
-        let found = drive.see(frame, source, size, &config.vision)?;
-        size = Some((found.maps.width(), found.maps.height()));
+    drive.see_all(frames, source, &config.vision, |frame, found| {
+        image = image_size(found.maps.width(), found.maps.height());
         seen(frame, &found)?;
         let time_s = drive.times_s[frame];
         let started = Instant::now();
@@ -74,8 +73,8 @@ pub fn watch(
             maps_ms: found.maps_ms,
             features_ms: found.features_ms + started.elapsed().as_secs_f64() * 1e3,
         });
-    }
-    let image = size.map_or_else(|| image_size(0, 0), |(width, height)| image_size(width, height));
+        Ok(())
+    })?;
     let motion = watcher.map(|watcher| watcher.motion).unwrap_or_default();
     Ok(Watched { frames: seen_frames, motion, image })
 }

@@ -45,13 +45,11 @@ pub fn execute(args: &SegmentArgs) -> Result<bool> {
     let source = Source::open(&networks, args.runtime, None)?;
     let drive = Drive::open(&args.kitti, &args.sequence, None, args.first, args.last)?;
     let bar = progress(drive.frames.len(), "segment");
-    let mut size = None;
-    for &frame in &drive.frames {
-        let seen = drive.see(frame, &source, size, &VisionConfig::default())?;
-        size = Some((seen.maps.width(), seen.maps.height()));
+    drive.see_all(drive.frames.iter().copied(), &source, &VisionConfig::default(), |frame, seen| {
         labels::write(&args.out, frame, &seen.maps)?;
         bar.inc(1);
-    }
+        Ok(())
+    })?;
     bar.finish_and_clear();
     common::say!("{} frames written to {}", drive.frames.len(), args.out.display());
     Ok(true)

@@ -113,6 +113,11 @@ impl Drive {
         Ok(Self { sequence, camera, times_s, frames })
     }
 
+    /// Whether a frame has an image, or label images alone.
+    pub fn has_image(&self, frame: usize) -> bool {
+        self.sequence.image_path(CAMERA, frame).is_file()
+    }
+
     /// The image of a frame.
     ///
     /// # Errors
@@ -142,7 +147,7 @@ impl Drive {
             // Its image is worth having, and not needed.
             Source::Labels(folder) => {
                 let maps = labels::read(folder, frame, expected)?;
-                let image = if path.is_file() { Some(self.image(frame)?) } else { None };
+                let image = if self.has_image(frame) { Some(self.image(frame)?) } else { None };
                 if let Some(image) = &image {
                     check_size(&path, (image.width(), image.height()), (maps.width(), maps.height()))?;
                 }

@@ -21,6 +21,7 @@ pub mod measurement;
 pub mod odometry;
 pub mod output;
 pub mod overlay;
+mod pace;
 pub mod paper_tracker;
 pub mod prepare;
 pub mod preselect;

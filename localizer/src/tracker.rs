@@ -115,13 +115,16 @@ impl<'a> Tracker<'a> {
         self.map.next_frame()?;
         let dt_s = self.last_time_s.map_or(0.0, |last_s| (input.time_s - last_s).max(0.0));
         self.last_time_s = Some(input.time_s);
-        let shows_the_same = self.sight.look(input.features);
-        self.clock.tick(dt_s, shows_the_same, &self.config.clock);
+        self.sight.look(input.features);
+        if self.sight.shows_the_same && dt_s <= 0.0 && input.gps.is_none() {
+            return Ok(self.said.as_ref());
+        }
+        self.clock.tick(dt_s, self.sight.shows_the_same, &self.config.clock);
         self.unfollowed_s += dt_s;
         self.predict(dt_s, input.odometry.as_ref());
         self.follow_region(dt_s, input)?;
         self.observe(dt_s, input.gps)?;
-        if self.sight.features.is_empty() {
+        if self.sight.shows_nothing() {
             return Ok(self.speak(0.0));
         }
         let was_searched = self.search_if_needed()?;
@@ -188,9 +191,10 @@ impl<'a> Tracker<'a> {
         let Some((centre, reach)) = self.bank_reach() else { return Ok(()) };
         self.select(&centre, &reach)?;
         self.constrain(dt_s, gps);
-        if self.sight.features.is_empty() {
+        if self.sight.shows_nothing() {
             // A black image says nothing, least of all for empty places.
-            self.bank.iter_mut().for_each(Hypothesis::see_nothing);
+            let is_black = self.sight.features.is_empty();
+            self.bank.iter_mut().for_each(|hypothesis| hypothesis.see_nothing(is_black));
             return Ok(());
         }
         let scene = self.sight.scene(&self.config);
@@ -233,7 +237,7 @@ impl<'a> Tracker<'a> {
             (verified && best.log_weight >= bank.sure_evidence)
                 || (alone && best.log_weight >= 2.0 * bank.sure_evidence)
         });
-        if sure || self.sight.features.is_empty() {
+        if sure || self.sight.shows_nothing() {
             return Ok(false);
         }
         let Some(region) = self.region.searched(&self.config.gps).cloned() else { return Ok(false) };
@@ -346,6 +350,10 @@ impl<'a> Tracker<'a> {
         let contradiction_sigmas = best.interval.map_or(0.0, contradiction);
         let context = Context { lead, margin, contradiction_sigmas, late };
         let verdict = health::judge(best, &context, self.verdict, &self.config.health);
+        // An old image takes nothing from what was trusted, and adds nothing.
+        let before = self.verdict.filter(|_| self.sight.shows_the_same && verdict.status != Status::Lost);
+        let verdict =
+            before.map_or(verdict, |before| Verdict { status: before.status.max(Status::Degraded), ..before });
         self.verdict = Some(verdict);
         let status = verdict.status;
         if verdict.is_followed {

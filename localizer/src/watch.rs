@@ -2,6 +2,7 @@
 //! camera moved between them.
 
 use std::borrow::Cow;
+use std::path::Path;
 use std::time::Instant;
 
 use crate::Result;
@@ -64,7 +65,8 @@ pub fn watch(
         let time_s = drive.times_s[frame];
         let started = Instant::now();
         if config.visual_odometry.is_on {
-            watcher.get_or_insert_with(|| Watcher::of(drive, &found, config)).step(&found, time_s);
+            let of_first = || Watcher::new(drive, found.grey.is_none(), config);
+            watcher.get_or_insert_with(of_first).look(&found, time_s);
         }
         seen_frames.push(FrameFeatures {
             frame,
@@ -79,37 +81,80 @@ pub fn watch(
     Ok(Watched { frames: seen_frames, motion, image })
 }
 
-/// Looks at how the camera moves: at the images of a drive, or at its label images
-/// where the first frame has no other.
+/// An image as it comes, which need not be the one that was taken then.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Delivery {
+    /// The time that it says, seconds.
+    pub time_s: f64,
+    /// The frame of the drive that it shows; none where it is black.
+    pub frame: Option<usize>,
+}
+
+/// How the camera moved, as images say that come so; label images from a folder
+/// where the drive has no others.
+///
+/// # Errors
+/// Where an image cannot be read.
+pub fn motion(
+    drive: &Drive,
+    labels: Option<&Path>,
+    deliveries: &[Delivery],
+    config: &Config,
+) -> Result<MotionOfImages> {
+    let Some(first) = deliveries.iter().find_map(|delivery| delivery.frame) else {
+        return Ok(MotionOfImages::default());
+    };
+    let labels = labels.filter(|_| !drive.has_image(first));
+    let plane = |frame: usize| match labels {
+        Some(folder) => Ok::<_, crate::Error>(crate::vision::labels::read(folder, frame, None)?.largest()),
+        None => Ok(drive.image(frame)?.grey()),
+    };
+    let shown = plane(first)?;
+    let black = Plane::zeros(shown.width(), shown.height());
+    let mut watcher = Watcher::new(drive, labels.is_some(), config);
+    for delivery in deliveries.iter().filter(|_| config.visual_odometry.is_on) {
+        match delivery.frame {
+            Some(frame) => watcher.step(&plane(frame)?, delivery.time_s),
+            None => watcher.step(&black, delivery.time_s),
+        }
+    }
+    Ok(watcher.motion)
+}
+
+/// Looks at how the camera moves: at the images of a drive, or at its label
+/// images.
 struct Watcher {
     odometer: VisualOdometer,
     is_of_labels: bool,
-    before_s: Option<f64>,
     motion: MotionOfImages,
 }
 
 impl Watcher {
-    fn of(drive: &Drive, first: &Seen, config: &Config) -> Self {
-        let is_of_labels = first.grey.is_none();
+    fn new(drive: &Drive, is_of_labels: bool, config: &Config) -> Self {
         let (odometer, accuracy) = if is_of_labels {
             (drive.label_odometer(config), config.visual_odometry.accuracy_of_labels())
         } else {
             (drive.odometer(config), config.visual_odometry.accuracy)
         };
         let motion = MotionOfImages { log: OdometryLog::default(), accuracy };
-        Self { odometer, is_of_labels, before_s: None, motion }
+        Self { odometer, is_of_labels, motion }
     }
 
-    fn step(&mut self, seen: &Seen, time_s: f64) {
+    fn look(&mut self, seen: &Seen, time_s: f64) {
         let plane: Option<Cow<'_, Plane>> = if self.is_of_labels {
             Some(Cow::Owned(seen.maps.largest()))
         } else {
             seen.grey.as_ref().map(Cow::Borrowed)
         };
-        let Some(plane) = plane else { return };
-        if let Some((shown, before_s)) = self.odometer.step(&plane, time_s).zip(self.before_s) {
+        if let Some(plane) = plane {
+            self.step(&plane, time_s);
+        }
+    }
+
+    fn step(&mut self, plane: &Plane, time_s: f64) {
+        let before_s = self.odometer.last_s();
+        if let Some((shown, before_s)) = self.odometer.step(plane, time_s).zip(before_s) {
             self.motion.log.push(before_s, time_s, shown);
         }
-        self.before_s = Some(time_s);
     }
 }

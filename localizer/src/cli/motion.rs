@@ -74,7 +74,8 @@ pub fn execute(args: &MotionArgs) -> Result<bool> {
         let started = Instant::now();
         let shown = odometer.step(&grey, drive.times_s[frame]);
         spent_s += started.elapsed().as_secs_f64();
-        if let Some(before) = before.replace(frame) {
+        let is_another = odometer.last_s() == Some(drive.times_s[frame]);
+        if let Some(before) = if is_another { before.replace(frame) } else { None } {
             let dt_s = drive.times_s[frame] - drive.times_s[before];
             let truth = truth.get(before).zip(truth.get(frame)).map(|(from, to)| {
                 let moved = from.inverse() * to;

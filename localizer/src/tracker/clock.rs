@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::associate::robust::Refined;
 use crate::filter::State;
+use crate::pace::Pace;
 
 /// Settings of what is made of the times.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -33,15 +34,6 @@ pub struct ClockConfig {
     /// one before is too soon.
     pub soonest: f64,
 }
-
-/// Share of the newest in the mean time between two images: of about the last
-/// four.
-const NEWEST_SHARE: f64 = 0.25;
-
-/// A time between two images that is longer than so many usual ones is a pause,
-/// and says as little of the pace as one of these. Twice would not do: times that
-/// are early and late in turn are as long.
-const LONGEST: f64 = 3.0;
 
 impl Default for ClockConfig {
     fn default() -> Self {
@@ -105,8 +97,8 @@ pub struct Clock {
     learnt_s2: f64,
     /// Variance that the last image asks for by its time alone, s^2.
     hurried_s2: f64,
-    /// Mean time between two images, the last ones most, seconds.
-    interval_s: f64,
+    /// How often images come.
+    pace: Pace,
 }
 
 impl Clock {
@@ -125,14 +117,9 @@ impl Clock {
     /// something else was taken at another time than it says, by half of what is
     /// missing at a guess.
     pub fn tick(&mut self, dt_s: f64, shows_the_same: bool, config: &ClockConfig) {
-        let too_soon = dt_s < config.soonest * self.interval_s && !shows_the_same;
-        let half_s = if too_soon { 0.5 * (self.interval_s - dt_s) } else { 0.0 };
-        self.hurried_s2 = half_s.min(config.max_sigma_s).powi(2);
-        if self.interval_s <= 0.0 {
-            self.interval_s = dt_s;
-        } else if dt_s > 0.0 {
-            self.interval_s += NEWEST_SHARE * (dt_s.min(LONGEST * self.interval_s) - self.interval_s);
-        }
+        let missing_s = if shows_the_same { 0.0 } else { self.pace.missing_s(dt_s, config.soonest) };
+        self.hurried_s2 = (0.5 * missing_s).min(config.max_sigma_s).powi(2);
+        self.pace.tick(dt_s);
     }
 
     /// Learns from a frame: of the squared innovation that is expected of the forward

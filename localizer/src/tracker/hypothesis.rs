@@ -248,14 +248,14 @@ impl Hypothesis {
         }
     }
 
-    /// Lets a frame pass that shows nothing: the prediction stands.
-    pub fn see_nothing(&mut self) {
+    /// Lets a frame pass that shows nothing, or nothing new: the prediction stands.
+    pub fn see_nothing(&mut self, is_black: bool) {
         self.correspondences.clear();
         self.separation = Separation::default();
         (self.support, self.evidence, self.mean_square, self.rms_px) = (0.0, 0.0, 0.0, 0.0);
         (self.iterations, self.converged) = (0, false);
         self.weigh();
-        self.weak_frames += 1;
+        self.weak_frames += usize::from(is_black);
     }
 
     /// Associates and localizes in the scene, and weighs the result. Matches

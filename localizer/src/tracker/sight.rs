@@ -19,6 +19,9 @@ pub(super) struct Sight {
     pub candidates: Candidates,
     /// The features of the image before.
     before: Prepared,
+    /// They are the same: an old image again, for no two of a camera are, not even
+    /// of one that stands.
+    pub shows_the_same: bool,
     odds: UsualOdds,
 }
 
@@ -26,19 +29,30 @@ impl Sight {
     /// Nothing is seen yet.
     pub fn new(camera: &PinholeCamera, image: ImageSize, odds: &OddsConfig) -> Self {
         let (features, before) = (Prepared::default(), Prepared::default());
-        Self { camera: *camera, image, features, candidates: Candidates::default(), before, odds: UsualOdds::new(odds) }
+        Self {
+            camera: *camera,
+            image,
+            features,
+            candidates: Candidates::default(),
+            before,
+            shows_the_same: false,
+            odds: UsualOdds::new(odds),
+        }
     }
 
-    /// Takes the features of the next image; says whether they are those of the
-    /// image before.
-    pub fn look(&mut self, features: &Features) -> bool {
+    /// Takes the features of the next image.
+    pub fn look(&mut self, features: &Features) {
         std::mem::swap(&mut self.features, &mut self.before);
         self.features.fill(features);
-        let shows_the_same = self.features == self.before;
-        if !shows_the_same {
+        self.shows_the_same = self.features == self.before;
+        if !self.shows_the_same {
             self.odds.learn(&self.features);
         }
-        shows_the_same
+    }
+
+    /// Whether it shows nothing, or nothing new.
+    pub fn shows_nothing(&self) -> bool {
+        self.features.is_empty() || self.shows_the_same
     }
 
     /// As it is matched.

@@ -24,6 +24,7 @@ use rotation::{ASIDE, Belief, DOWN, Motion, Parameters, YAW, fit};
 use tracks::Follower;
 
 use crate::odometry::Odometry;
+use crate::pace::Pace;
 use crate::vision::Plane;
 
 /// Depth at which a point above the horizon is looked for, metres.
@@ -50,6 +51,14 @@ pub struct VisualOdometer {
     speed_m_s: Option<f64>,
     /// Time since that speed was seen, seconds.
     unseen_s: f64,
+    /// The last speed that the road showed clearly, believed or not, and when,
+    /// seconds.
+    shown: Option<(f64, f64)>,
+    /// Since that the images could not be followed: it says nothing of the next.
+    was_astray: bool,
+    pace: Pace,
+    /// The last image came too soon: when it was taken is not known.
+    time_is_unknown: bool,
     /// Mean of the camera's pitch against the road, radians, positive where it
     /// looks down, and of how many images.
     pitch_rad: f64,
@@ -70,6 +79,10 @@ impl VisualOdometer {
             turn_rad_s: [0.0; 3],
             speed_m_s: None,
             unseen_s: 0.0,
+            shown: None,
+            was_astray: false,
+            pace: Pace::default(),
+            time_is_unknown: false,
             pitch_rad: 0.0,
             pitch_images: 0.0,
             grade: Grade::new(&config.road),
@@ -85,9 +98,16 @@ impl VisualOdometer {
         Self { sees_road: false, ..Self::new(camera, camera_height_m, &config) }
     }
 
-    /// The mean motion since the image before; none for the first, for images
-    /// of different sizes, and where too few points agree. The speed is missing
-    /// where the road does not tell it.
+    /// Time of the last image that was another one than that before it, seconds.
+    pub fn last_s(&self) -> Option<f64> {
+        self.before.as_ref().map(|(_, time_s)| *time_s)
+    }
+
+    /// The mean motion since [`Self::last_s`]; none for the first, for an image that
+    /// comes again (cameras deliver an old one where they miss one, and no two are
+    /// the same, not even of one that stands), for one that comes too soon and the next,
+    /// for images of different sizes, and where too few points agree. The speed is
+    /// missing where the road does not tell it.
     pub fn step(&mut self, grey: &Plane, time_s: f64) -> Option<Odometry> {
         let size = |pixels: usize| u32::try_from(pixels).ok().filter(|pixels| *pixels > 0);
         let image = GrayImage::from_raw(size(grey.width())?, size(grey.height())?, grey.data().to_vec())?;
@@ -95,18 +115,24 @@ impl VisualOdometer {
             let sees_road = self.sees_road;
             *self = Self { sees_road, ..Self::new(&self.camera, self.camera_height_m, &self.config) };
         }
+        if self.before.as_ref().is_some_and(|(before, _)| *before == image) {
+            return None;
+        }
         self.follower.advance(&image);
         let (before, before_s) = self.before.replace((image, time_s))?;
         let dt_s = time_s - before_s;
+        let is_too_soon = self.pace.missing_s(dt_s, self.config.soonest) > 0.0;
+        self.pace.tick(dt_s);
+        let is_timed = !(std::mem::replace(&mut self.time_is_unknown, is_too_soon) || is_too_soon);
         let Some(parameters) = self.turn(&before, dt_s) else {
-            (self.turn_rad_s, self.speed_m_s, self.unseen_s) = ([0.0; 3], None, 0.0);
+            (self.turn_rad_s, self.speed_m_s, self.unseen_s, self.was_astray) = ([0.0; 3], None, 0.0, true);
             return None;
         };
         self.turn_rad_s = std::array::from_fn(|i| parameters[i] / dt_s);
         let shift = self.drive(&before, &parameters, dt_s);
         self.unseen_s += dt_s;
         self.grade.advance(self.speed_m_s.unwrap_or(0.0) * dt_s, &self.config.road);
-        let speed_m_s = shift.filter(|shift| self.is_believed(shift, dt_s)).map(|shift| {
+        let speed_m_s = shift.filter(|shift| self.is_believed(shift, time_s, dt_s)).map(|shift| {
             let way_m = shift.forward_m / self.grade.stretch(&shift, self.camera_height_m, &self.config.road);
             way_m / dt_s
         });
@@ -114,7 +140,7 @@ impl VisualOdometer {
             (self.speed_m_s, self.unseen_s) = (speed_m_s, 0.0);
         }
         self.learn_pitch(&parameters, dt_s);
-        Some(Odometry { speed_m_s, yaw_rate_rad_s: -self.turn_rad_s[YAW] })
+        is_timed.then(|| Odometry { speed_m_s, yaw_rate_rad_s: -self.turn_rad_s[YAW] })
     }
 
     /// The rotation and the direction of the motion since `before`: as at the
@@ -191,13 +217,20 @@ impl VisualOdometer {
     }
 
     /// Whether the road tells a speed at all, and one that can have followed the
-    /// last.
-    fn is_believed(&self, shift: &Shift, dt_s: f64) -> bool {
-        let config = &self.config.road;
-        let most_m_s = config.hardest_m_s2 * self.unseen_s;
-        let is_next = self.speed_m_s.is_none_or(|last_m_s| (shift.forward_m / dt_s - last_m_s).abs() <= most_m_s);
+    /// last, and the last that it showed: what is seen twice is no chance, and the
+    /// times of both are good. Alone it is believed of the first two images.
+    fn is_believed(&mut self, shift: &Shift, time_s: f64, dt_s: f64) -> bool {
+        let config = self.config.road;
         let least_lead = config.least_lead * (1.0 - shift.correlation);
-        shift.correlation >= config.least_correlation && shift.lead >= least_lead && is_next
+        if shift.correlation < config.least_correlation || shift.lead < least_lead {
+            return false;
+        }
+        let speed_m_s = shift.forward_m / dt_s;
+        let follows = |last_m_s: f64, after_s: f64| (speed_m_s - last_m_s).abs() <= config.hardest_m_s2 * after_s;
+        let is_next = self.speed_m_s.is_none_or(|last_m_s| follows(last_m_s, self.unseen_s));
+        let was_astray = std::mem::take(&mut self.was_astray);
+        let shown = self.shown.replace((speed_m_s, time_s));
+        is_next && !was_astray && shown.is_none_or(|(last_m_s, last_s)| follows(last_m_s, time_s - last_s))
     }
 
     /// The camera's pitch against the road: the slower, the less the direction

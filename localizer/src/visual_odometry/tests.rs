@@ -117,9 +117,46 @@ fn crests_and_sags_are_no_speed() {
     }
 }
 
+/// Steps of a vehicle of 10 m/s by the times of its images and by where it was then,
+/// in tenths of a second.
+fn steps_of(images: &[(f64, f64)]) -> Vec<Option<Odometry>> {
+    let mut odometer = VisualOdometer::new(&camera(), HEIGHT_M, &VisualOdometryConfig::default());
+    images.iter().map(|(time, way)| odometer.step(&image(*way, 0.0, 0.0), 0.1 * time)).collect()
+}
+
+fn speeds_m_s(steps: &[Option<Odometry>]) -> Vec<f64> {
+    steps.iter().filter_map(|step| (*step)?.speed_m_s).collect()
+}
+
+#[test]
+fn an_image_that_comes_again_tells_nothing_and_the_next_one_all_since() {
+    let steps = steps_of(&[(0.0, 0.0), (1.0, 1.0), (2.0, 1.0), (3.0, 3.0), (4.0, 4.0)]);
+    assert_eq!(steps[2], None);
+    let speeds = speeds_m_s(&steps);
+    assert!(speeds.len() == 3 && speeds.iter().all(|speed| (speed / 10.0 - 1.0).abs() < 0.04), "{steps:?}");
+}
+
+#[test]
+fn times_that_are_early_and_late_in_turn_give_no_speed_but_by_the_first_two() {
+    for off in [0.25, 0.5] {
+        let early_and_late = |i: i32| (f64::from(i) + if i % 2 == 0 { -off } else { off }, f64::from(i));
+        let images: Vec<(f64, f64)> = (0..8).map(early_and_late).collect();
+        let speeds = speeds_m_s(&steps_of(&images));
+        assert!(speeds.len() <= 1, "{off}: {speeds:?}");
+    }
+}
+
 #[test]
 fn a_vehicle_that_stands_has_no_speed() {
-    for step in &drive(0.0, 0.0, 0.0)[1..] {
+    let mut odometer = VisualOdometer::new(&camera(), HEIGHT_M, &VisualOdometryConfig::default());
+    let mut step = |i: usize| {
+        let mut still = image(0.0, 0.0, 0.0);
+        // No two images of a camera are the same.
+        still.data_mut().iter_mut().skip(i).step_by(7).for_each(|value| *value ^= 1);
+        odometer.step(&still, 0.1 * i as f64)
+    };
+    assert!(step(0).is_none());
+    for step in (1..6).map(step) {
         let step = step.unwrap();
         assert!(step.speed_m_s.unwrap().abs() < 0.05 && step.yaw_rate_rad_s.abs() < 1e-3, "{step:?}");
     }

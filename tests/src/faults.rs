@@ -10,8 +10,10 @@ mod tests;
 
 use clap::ValueEnum;
 use localizer::eval::FrameError;
+use localizer::features::Features;
 use localizer::odometry::OdometryLog;
-use localizer::run::FrameResult;
+use localizer::run::{FrameFeatures, FrameResult};
+use localizer::watch::Delivery;
 use nalgebra::{UnitVector3, Vector3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
@@ -100,6 +102,22 @@ pub struct Faulty {
     pub trial: Trial,
     /// The frames with which all is well again.
     pub ends: Vec<usize>,
+    /// The images as they come, where these or their times are spoilt and the
+    /// motion is told from them.
+    deliveries: Vec<Delivery>,
+}
+
+impl Faulty {
+    /// Looks at spoilt images again: what they say of the motion is spoilt, too.
+    ///
+    /// # Errors
+    /// Where one cannot be read.
+    pub fn look_again(mut self) -> localizer::Result<Self> {
+        if let Some(images) = self.trial.images.as_ref().filter(|_| !self.deliveries.is_empty()) {
+            self.trial.odometry = images.motion(&self.deliveries)?;
+        }
+        Ok(self)
+    }
 }
 
 impl Fault {
@@ -153,14 +171,17 @@ impl Fault {
                 signals::kidnap(&mut trial, &ends, KIDNAPPED_M, KIDNAPPED_DEG.to_radians(), &mut random);
             }
         }
-        if trial.motion_is_of_images && self.is_of_images() {
+        let mut deliveries = Vec::new();
+        if trial.images.is_some() && self.is_of_images() {
+            // What they said of the motion when they were whole, they do not say.
             trial.odometry = OdometryLog::default();
+            deliveries = delivered(&trial.frames);
         }
-        Faulty { trial, ends }
+        Faulty { trial, ends, deliveries }
     }
 
     /// Whether it spoils the images or their times, and not only what is found in
-    /// them: what they said of the motion when they were whole, they do not say.
+    /// them.
     fn is_of_images(self) -> bool {
         use Fault::{Black, Clock, Clock25, Doubled, Dropped, Kidnapped, Stale};
         matches!(self, Black | Kidnapped | Dropped | Doubled | Stale | Clock | Clock25)
@@ -170,6 +191,23 @@ impl Fault {
     pub fn name(self) -> String {
         self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
     }
+}
+
+/// The images that show these features: one that shows none is black, and one that
+/// shows what the one before does is the same.
+fn delivered(frames: &[FrameFeatures]) -> Vec<Delivery> {
+    let mut deliveries: Vec<Delivery> = Vec::with_capacity(frames.len());
+    for (i, seen) in frames.iter().enumerate() {
+        let is_black = seen.features == Features::default();
+        let before = i.checked_sub(1).filter(|&before| frames[before].features == seen.features);
+        let frame = match before {
+            _ if is_black => None,
+            Some(before) => deliveries[before].frame,
+            None => Some(seen.frame),
+        };
+        deliveries.push(Delivery { time_s: seen.time_s, frame });
+    }
+    deliveries
 }
 
 /// A row of the table.
@@ -191,7 +229,7 @@ impl Row {
     /// # Errors
     /// As [`Trial::run`].
     pub fn of(fault: Fault, clean: &Trial, seed: u64) -> localizer::Result<Option<Self>> {
-        let Faulty { trial, ends } = fault.applied(clean, seed);
+        let Faulty { trial, ends, .. } = fault.applied(clean, seed).look_again()?;
         let results = trial.run()?;
         let errors = trial.errors(&results);
         Ok(trial.figures(&results).map(|figures| Self {

@@ -10,6 +10,7 @@ use common::map::SemanticMap;
 use localizer::cli::ConfigArgs;
 use localizer::cli::input::{InputArgs, simulated};
 use localizer::config::Config;
+use localizer::drive::Drive;
 use localizer::estimate::Status;
 use localizer::eval::{FrameError, LOST_M, START_FRAMES, StageTime, score};
 use localizer::gps::GpsFix;
@@ -18,7 +19,7 @@ use localizer::odometry::OdometryLog;
 use localizer::output::{Recorded, Timing};
 use localizer::projection::ImageSize;
 use localizer::run::{FrameFeatures, FrameResult, Localizer, Method, localize};
-use localizer::watch::odometry;
+use localizer::watch::{self, Delivery, odometry};
 use serde::Serialize;
 
 /// Position error that nobody should meet unwarned, metres.
@@ -69,14 +70,39 @@ pub struct Trial {
     pub fixes: BTreeMap<usize, GpsFix>,
     /// What wheels and gyroscope say, or the images.
     pub odometry: OdometryLog,
-    /// Whether the images said it.
-    pub motion_is_of_images: bool,
+    /// The images, where they said it.
+    pub images: Option<Images>,
     /// `map_from_camera` of every frame of the sequence.
     pub truth: Vec<Pose>,
     /// Settings.
     pub config: Config,
     /// How it is localized.
     pub method: Method,
+}
+
+/// The images of a drive, to be looked at as they come when something is wrong
+/// with them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Images {
+    /// The folder with `sequences/`.
+    pub root: PathBuf,
+    /// Name of the sequence.
+    pub sequence: String,
+    /// Folder with label images, where there are any.
+    pub labels: Option<PathBuf>,
+    /// Settings.
+    pub config: Config,
+}
+
+impl Images {
+    /// How the camera moved, as they say.
+    ///
+    /// # Errors
+    /// Where one cannot be read.
+    pub fn motion(&self, deliveries: &[Delivery]) -> localizer::Result<OdometryLog> {
+        let drive = Drive::open(&self.root, &self.sequence, self.labels.as_deref(), 0, None)?;
+        Ok(watch::motion(&drive, self.labels.as_deref(), deliveries, &self.config)?.log)
+    }
 }
 
 impl LookArgs {
@@ -87,7 +113,13 @@ impl LookArgs {
     pub fn read(&self) -> localizer::Result<Option<Trial>> {
         let Some(mut config) = self.config.load()? else { return Ok(None) };
         let wheels = self.odometry.as_deref().map(OdometryLog::read).transpose()?;
-        let motion_is_of_images = wheels.is_none();
+        let images = Images {
+            root: self.input.kitti.clone().unwrap_or_default(),
+            sequence: self.input.sequence.clone(),
+            labels: self.input.labels.clone(),
+            config: config.clone(),
+        };
+        let images = Some(images).filter(|_| wheels.is_none());
         let input = self.input.read(&config, |_, _, _| Ok(()))?;
         // The map as a whole, for it may be moved; `read` saw that it is given.
         let map = self.input.map.as_ref().map(common::map::read).transpose()?.unwrap_or_default();
@@ -98,7 +130,7 @@ impl LookArgs {
         frames.retain(|seen| seen.frame < truth.len());
         let (camera, image) = (input.drive.camera, input.image);
         let method = Method::Robust;
-        Ok(Some(Trial { map, camera, image, frames, fixes, odometry, motion_is_of_images, truth, config, method }))
+        Ok(Some(Trial { map, camera, image, frames, fixes, odometry, images, truth, config, method }))
     }
 }
 

@@ -30,7 +30,7 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> Outcome {
     let Some(clean) = arguments.of.look.read()? else { return Ok(()) };
-    let whole = arguments.fault.applied(&clean, arguments.of.look.seed).trial;
+    let whole = arguments.fault.applied(&clean, arguments.of.look.seed).look_again()?.trial;
     let steps = if arguments.only.is_empty() { Step::value_variants() } else { &arguments.only };
     if !arguments.of.json {
         common::say!(

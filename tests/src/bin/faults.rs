@@ -12,8 +12,8 @@ use waymark_tests::trial::{TrialArgs, stretches};
 /// Hazardous are frames that are called ok and are off by 0.5 m or more.
 /// Frames to recover count from the end of the fault to the first frame that is
 /// called ok and is: the most of all stretches, and `never` if there is none.
-/// Where images or their times are spoilt, what they say of the motion is left
-/// out.
+/// Images that are spoilt, or their times, are looked at again, as they come: so
+/// is what they say of the motion.
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {

@@ -88,7 +88,7 @@ pub fn clean() -> Trial {
         frames,
         fixes,
         odometry,
-        motion_is_of_images: true,
+        images: None,
         truth,
         config: Config::default(),
         method: Method::Robust,

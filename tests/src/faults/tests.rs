@@ -1,4 +1,5 @@
 use common::geometry::{PinholeCamera, Pose};
+use localizer::config::Config;
 use localizer::features::{Features, LineFeature};
 use localizer::gps::GpsFix;
 use localizer::projection::{NEAR_M, View};
@@ -6,6 +7,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use super::made_up::{IMAGE, clean, seen};
 use super::*;
+use crate::trial::Images;
 
 fn features(trial: &Trial) -> impl Iterator<Item = &Features> {
     trial.frames.iter().map(|seen| &seen.features)
@@ -19,7 +21,7 @@ fn off_m(fix: &GpsFix, frame: usize, clean: &Trial) -> f64 {
 fn every_fault_repeats_with_its_seed_and_changes_something() {
     let clean = clean();
     for &fault in Fault::value_variants() {
-        let Faulty { trial, ends } = fault.applied(&clean, 1);
+        let Faulty { trial, ends, .. } = fault.applied(&clean, 1);
         let again = fault.applied(&clean, 1);
         assert_eq!(trial.frames, again.trial.frames, "{}", fault.name());
         assert_eq!((&trial.fixes, &ends), (&again.trial.fixes, &again.ends), "{}", fault.name());
@@ -29,14 +31,26 @@ fn every_fault_repeats_with_its_seed_and_changes_something() {
 }
 
 #[test]
-fn spoilt_images_tell_no_motion_but_wheels_do() {
-    let by_images = clean();
-    let by_wheels = Trial { motion_is_of_images: false, ..clean() };
-    for fault in [Fault::Black, Fault::Stale, Fault::Clock] {
-        assert!(fault.applied(&by_images, 1).trial.odometry.is_empty());
-        assert!(!fault.applied(&by_wheels, 1).trial.odometry.is_empty());
+fn spoilt_images_are_looked_at_as_they_come_and_wheels_are_believed() {
+    let images = Images { root: "".into(), sequence: "00".into(), labels: None, config: Config::default() };
+    let by_images = Trial { images: Some(images), ..clean() };
+    let deliveries = |fault: Fault| {
+        let faulty = fault.applied(&by_images, 1);
+        assert!(faulty.trial.odometry.is_empty());
+        faulty.deliveries
+    };
+    let frames = |fault: Fault| deliveries(fault).iter().map(|delivery| delivery.frame).collect::<Vec<_>>();
+    let black = frames(Fault::Black);
+    assert_eq!((black[14], black[15], black[34], black[35]), (Some(14), None, None, Some(35)));
+    assert_eq!(frames(Fault::Stale)[4..7], [Some(4), Some(4), Some(6)]);
+    assert_eq!(frames(Fault::Dropped)[3..5], [Some(3), Some(5)]);
+    let late_s = deliveries(Fault::Clock)[1].time_s - by_images.frames[1].time_s;
+    assert!((late_s - 0.05).abs() < 1e-9, "{late_s}");
+    // What is only found in them spoils no motion, and no image spoils wheels.
+    for (fault, trial) in [(Fault::NoLanes, &by_images), (Fault::Black, &clean())] {
+        let faulty = fault.applied(trial, 1);
+        assert!(faulty.deliveries.is_empty() && !faulty.trial.odometry.is_empty());
     }
-    assert!(!Fault::NoLanes.applied(&by_images, 1).trial.odometry.is_empty());
 }
 
 #[test]
@@ -83,13 +97,13 @@ fn classes_and_stretches_are_gone_where_said() {
     let clean = clean();
     let blind = Fault::NoLanes.applied(&clean, 1).trial;
     assert!(features(&blind).all(|now| now.lanes.is_empty() && now.poles.len() == 4 && now.signs.len() == 3));
-    let Faulty { trial, ends } = Fault::NoPoles.applied(&clean, 1);
+    let Faulty { trial, ends, .. } = Fault::NoPoles.applied(&clean, 1);
     // Frames are a metre apart: 10 to 60 m and 160 to 210 m.
     assert_eq!(ends, [60, 210]);
     let bare: Vec<usize> = trial.frames.iter().filter(|f| f.features.poles.is_empty()).map(|f| f.frame).collect();
     assert_eq!(bare, (10..60).chain(160..210).collect::<Vec<_>>());
     assert!(features(&trial).all(|now| now.lanes.len() == 2 && now.signs.len() == 3));
-    let Faulty { trial, ends } = Fault::Black.applied(&clean, 1);
+    let Faulty { trial, ends, .. } = Fault::Black.applied(&clean, 1);
     assert_eq!(ends, [35, 135, 235]);
     let black: Vec<usize> =
         trial.frames.iter().filter(|f| f.features == Features::default()).map(|f| f.frame).collect();

@@ -218,7 +218,7 @@ impl VisualOdometer {
 
     /// Whether the road tells a speed at all, and one that can have followed the
     /// last, and the last that it showed: what is seen twice is no chance, and the
-    /// times of both are good. Alone it is believed of the first two images.
+    /// times of both are good.
     fn is_believed(&mut self, shift: &Shift, time_s: f64, dt_s: f64) -> bool {
         let config = self.config.road;
         let least_lead = config.least_lead * (1.0 - shift.correlation);
@@ -230,7 +230,7 @@ impl VisualOdometer {
         let is_next = self.speed_m_s.is_none_or(|last_m_s| follows(last_m_s, self.unseen_s));
         let was_astray = std::mem::take(&mut self.was_astray);
         let shown = self.shown.replace((speed_m_s, time_s));
-        is_next && !was_astray && shown.is_none_or(|(last_m_s, last_s)| follows(last_m_s, time_s - last_s))
+        is_next && !was_astray && shown.is_some_and(|(last_m_s, last_s)| follows(last_m_s, time_s - last_s))
     }
 
     /// The camera's pitch against the road: the slower, the less the direction

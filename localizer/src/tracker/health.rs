@@ -28,8 +28,11 @@ pub struct HealthConfig {
     /// Frames in a row in which all that ok asks of a frame must hold: a wrong
     /// pose may explain one frame well by chance.
     pub well_frames: usize,
-    /// The same for the first ok of all, and after it was lost: then nothing else holds it.
+    /// The same for the first ok of all: then nothing else holds it.
     pub well_frames_anew: usize,
+    /// The same after it was lost: where it was found again may be wrong, and look
+    /// right for half a second.
+    pub well_frames_again: usize,
     /// Evidence by which it must lead over every other that is tracked, nats:
     /// 3 is 95 %. A pose that was jumped to must make up for its handicap, too.
     pub ok_lead: f64,
@@ -68,6 +71,7 @@ impl Default for HealthConfig {
             led_frames: 8,
             well_frames: 2,
             well_frames_anew: 3,
+            well_frames_again: 5,
             ok_lead: 3.0,
             max_mean_square: 1.0,
             max_separation_m: 0.5,
@@ -94,6 +98,8 @@ pub struct Verdict {
     pub well_frames: usize,
     /// It was ok since it was last lost.
     pub was_ok: bool,
+    /// It was ok at some time.
+    pub was_ever_ok: bool,
 }
 
 /// What else speaks for or against the best hypothesis.
@@ -112,11 +118,12 @@ pub struct Context {
 /// Judges the best hypothesis; `before` was said of the frame before.
 pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, health: &HealthConfig) -> Verdict {
     let was_lost = before.is_some_and(|verdict| verdict.status == Status::Lost);
+    let was_ever_ok = before.is_some_and(|verdict| verdict.was_ever_ok);
     let covariance = best.state.pose_covariance();
     let sigma_m = horizontal_sigma_m(&covariance);
     let verified = best.age_frames >= health.verify_frames;
     if sigma_m > health.lost_sigma_m || best.weak_frames >= health.lost_after_frames || (was_lost && !verified) {
-        return Verdict { status: Status::Lost, is_followed: false, well_frames: 0, was_ok: false };
+        return Verdict { status: Status::Lost, is_followed: false, well_frames: 0, was_ok: false, was_ever_ok };
     }
     let is_followed = verified
         && sigma_m <= health.ok_sigma_m
@@ -131,8 +138,12 @@ pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, heal
         && horizontal_sigma_m(&(covariance + context.late)) <= health.ok_sigma_m;
     let well_frames = if is_well { before.map_or(0, |verdict| verdict.well_frames) + 1 } else { 0 };
     let was_ok = before.is_some_and(|verdict| verdict.was_ok);
-    let asked_frames = if was_ok { health.well_frames } else { health.well_frames_anew };
+    let asked_frames = match (was_ok, was_ever_ok) {
+        (true, _) => health.well_frames,
+        (false, true) => health.well_frames_again,
+        (false, false) => health.well_frames_anew,
+    };
     let is_ok = is_well && well_frames >= asked_frames && best.led_frames >= health.led_frames;
     let status = if is_ok { Status::Ok } else { Status::Degraded };
-    Verdict { status, is_followed, well_frames, was_ok: was_ok || is_ok }
+    Verdict { status, is_followed, well_frames, was_ok: was_ok || is_ok, was_ever_ok: was_ever_ok || is_ok }
 }

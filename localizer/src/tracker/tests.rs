@@ -354,7 +354,8 @@ fn what_has_not_led_for_some_frames_is_not_called_ok() {
 fn ok_takes_as_many_good_frames_in_a_row() {
     let world = World::new(Recipe { missed: 0.6, pole_spacing_m: 15.0, ..street() });
     let is_ok = |well_frames: usize| {
-        let health = HealthConfig { well_frames, well_frames_anew: well_frames, ..HealthConfig::default() };
+        let (well_frames_anew, well_frames_again) = (well_frames, well_frames);
+        let health = HealthConfig { well_frames, well_frames_anew, well_frames_again, ..HealthConfig::default() };
         let config = Config { health, ..Config::default() };
         let run = run_with(&config, &world, &GpsConfig::default(), 3, &NONE);
         run.statuses.iter().map(|status| *status == Status::Ok).collect::<Vec<_>>()

@@ -75,7 +75,7 @@ pub fn execute(args: &MotionArgs) -> Result<bool> {
         let shown = odometer.step(&grey, drive.times_s[frame]);
         spent_s += started.elapsed().as_secs_f64();
         let is_another = odometer.last_s() == Some(drive.times_s[frame]);
-        if let Some(before) = if is_another { before.replace(frame) } else { None } {
+        if let Some(before) = is_another.then(|| before.replace(frame)).flatten() {
             let dt_s = drive.times_s[frame] - drive.times_s[before];
             let truth = truth.get(before).zip(truth.get(frame)).map(|(from, to)| {
                 let moved = from.inverse() * to;

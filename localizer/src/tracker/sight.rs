@@ -44,7 +44,7 @@ impl Sight {
     pub fn look(&mut self, features: &Features) {
         std::mem::swap(&mut self.features, &mut self.before);
         self.features.fill(features);
-        self.shows_the_same = self.features == self.before;
+        self.shows_the_same = !self.features.is_empty() && self.features == self.before;
         if !self.shows_the_same {
             self.odds.learn(&self.features);
         }

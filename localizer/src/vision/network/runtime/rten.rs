@@ -2,8 +2,8 @@
 
 use rten::{Dimension, NodeId, NodeInfo, Value};
 use rten_onnx::onnx::{AttributeProto, GraphProto, ModelProto, NodeProto};
-use rten_tensor::Tensor as RtenTensor;
-use rten_tensor::prelude::{AsView as _, Layout as _};
+use rten_tensor::TensorView;
+use rten_tensor::prelude::Layout as _;
 
 use super::{Model, Signature, Tensor};
 use crate::vision::network::softmax;
@@ -59,11 +59,10 @@ fn channel_softmax<'a>(graph: &'a GraphProto, output: &'a str) -> Option<(&'a st
 
 impl RtenModel {
     /// What `wanted` is where `given` is this.
-    fn value(&self, given: NodeId, tensor: Tensor, wanted: NodeId) -> Result<Tensor, String> {
-        let tensor = RtenTensor::from_data(&tensor.shape, tensor.values);
-        let outputs =
-            self.model.run(vec![(given, tensor.view().into())], &[wanted], None).map_err(|e| e.to_string())?;
-        let output: RtenTensor<f32> =
+    fn value(&self, given: NodeId, tensor: &Tensor, wanted: NodeId) -> Result<Tensor, String> {
+        let tensor = TensorView::from_data(&tensor.shape, &tensor.values[..]);
+        let outputs = self.model.run(vec![(given, tensor.into())], &[wanted], None).map_err(|e| e.to_string())?;
+        let output: rten_tensor::Tensor<f32> =
             outputs.into_iter().next().and_then(Value::into_tensor).ok_or("its output holds no 32-bit floats")?;
         Ok(Tensor { shape: output.shape().to_vec(), values: output.into_data() })
     }
@@ -90,12 +89,14 @@ impl Model for RtenModel {
             return Err("it has fewer inputs or outputs than it said".into());
         };
         let image = Tensor { shape: shape.to_vec(), values };
-        let Some(softmax) = &self.softmax[ends.1] else { return self.value(input, image, output) };
-        let mut scores = self.value(input, image, softmax.logits)?;
+        let softmax = self.softmax.get(ends.1).and_then(Option::as_ref);
+        // It gives no logits where it computes them and their softmax in one.
+        let logits = softmax.and_then(|softmax| Some((softmax, self.value(input, &image, softmax.logits).ok()?)));
+        let Some((softmax, mut scores)) = logits else { return self.value(input, &image, output) };
         softmax::over_channels(&mut scores.values, scores.shape.get(1).copied().unwrap_or_default());
         if softmax.probabilities == output {
             return Ok(scores);
         }
-        self.value(softmax.probabilities, scores, output)
+        self.value(softmax.probabilities, &scores, output)
     }
 }

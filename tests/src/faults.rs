@@ -21,7 +21,7 @@ use serde::Serialize;
 
 use crate::trial::{Figures, Trial, is_good};
 
-/// Length of a stretch in which the camera is black, frames.
+/// Length of a stretch in which the camera is black, or frozen, frames.
 const BLACK_FRAMES: usize = 20;
 /// Stretches with a fault begin after this many frames ...
 const FIRST_BLACK: usize = 15;
@@ -61,6 +61,9 @@ pub enum Fault {
     NoPoles,
     /// The camera is black for 20 frames, from the 16th on and again every 100.
     Black,
+    /// The camera shows the same image for 20 frames, from the 16th on and again
+    /// every 100.
+    Frozen,
     /// The map is turned by 1 degree about the middle of the drive; the truth
     /// is not, so the pose that fits the images is off by as much.
     MapTurned,
@@ -136,6 +139,7 @@ impl Fault {
             Self::NoLanes => images::each(&mut trial, |seen| seen.lanes.clear()),
             Self::NoPoles => ends = images::no_poles(&mut trial, FIRST_BARE_M, BARE_M, BARE_EVERY_M),
             Self::Black => ends = images::black(&mut trial, FIRST_BLACK, BLACK_FRAMES, BLACK_EVERY),
+            Self::Frozen => ends = images::frozen(&mut trial, FIRST_BLACK, BLACK_FRAMES, BLACK_EVERY),
             Self::MapTurned => signals::turn_map(&mut trial, 1.0_f64.to_radians()),
             Self::MapTurnedGps => {
                 signals::turn_map(&mut trial, 1.0_f64.to_radians());
@@ -183,8 +187,8 @@ impl Fault {
     /// Whether it spoils the images or their times, and not only what is found in
     /// them.
     fn is_of_images(self) -> bool {
-        use Fault::{Black, Clock, Clock25, Doubled, Dropped, Kidnapped, Stale};
-        matches!(self, Black | Kidnapped | Dropped | Doubled | Stale | Clock | Clock25)
+        use Fault::{Black, Clock, Clock25, Doubled, Dropped, Frozen, Kidnapped, Stale};
+        matches!(self, Black | Frozen | Kidnapped | Dropped | Doubled | Stale | Clock | Clock25)
     }
 
     /// The word for it on the command line and in the table.

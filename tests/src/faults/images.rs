@@ -81,6 +81,21 @@ pub(super) fn black(trial: &mut Trial, first: usize, count: usize, every: usize)
     ends
 }
 
+/// Shows for `count` frames what the one before them does, from the one with index
+/// `first` (1 at least) on and again every `every`. Returns the frames after these
+/// stretches.
+pub(super) fn frozen(trial: &mut Trial, first: usize, count: usize, every: usize) -> Vec<usize> {
+    let mut ends = Vec::new();
+    for index in first..trial.frames.len() {
+        match (index - first) % every {
+            into if into < count => trial.frames[index].features = trial.frames[index - 1].features.clone(),
+            into if into == count => ends.push(trial.frames[index].frame),
+            _ => {}
+        }
+    }
+    ends
+}
+
 /// Shows no poles for `length_m` of the path, from `first_m` on and again
 /// every `every_m`. Returns the frames after these stretches.
 pub(super) fn no_poles(trial: &mut Trial, first_m: f64, length_m: f64, every_m: f64) -> Vec<usize> {

@@ -42,6 +42,8 @@ fn spoilt_images_are_looked_at_as_they_come_and_wheels_are_believed() {
     let frames = |fault: Fault| deliveries(fault).iter().map(|delivery| delivery.frame).collect::<Vec<_>>();
     let black = frames(Fault::Black);
     assert_eq!((black[14], black[15], black[34], black[35]), (Some(14), None, None, Some(35)));
+    let frozen = frames(Fault::Frozen);
+    assert_eq!((frozen[14], frozen[15], frozen[34], frozen[35]), (Some(14), Some(14), Some(14), Some(35)));
     assert_eq!(frames(Fault::Stale)[4..7], [Some(4), Some(4), Some(6)]);
     assert_eq!(frames(Fault::Dropped)[3..5], [Some(3), Some(5)]);
     let late_s = deliveries(Fault::Clock)[1].time_s - by_images.frames[1].time_s;

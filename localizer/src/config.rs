@@ -41,7 +41,6 @@ pub const LIMITS: &[Limits] = &[
     limits("clock.max_sigma_s", 0.0, 10.0),
     limits("clock.soonest", 0.0, 1.0),
     limits("vision.poles.ransac_rounds", 1.0, 1e6),
-    limits("visual_odometry.soonest", 0.0, 1.0),
     limits("visual_odometry.tracks.columns", 1.0, 200.0),
     limits("visual_odometry.tracks.rows", 1.0, 200.0),
     limits("visual_odometry.tracks.most_in_cell", 1.0, 100.0),

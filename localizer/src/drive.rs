@@ -129,6 +129,18 @@ impl Drive {
         Ok(image)
     }
 
+    /// What an odometer looks at: the label images of a frame, as one, where `labels`
+    /// is given, else the brightness of its image.
+    ///
+    /// # Errors
+    /// As [`labels::read`] and [`Drive::image`].
+    pub fn plane(&self, frame: usize, labels: Option<&Path>, expected: Option<(usize, usize)>) -> Result<Plane> {
+        Ok(match labels {
+            Some(folder) => labels::read(folder, frame, expected)?.largest(),
+            None => self.image(frame)?.grey(),
+        })
+    }
+
     /// The features of a frame; all frames must have the size `expected`
     /// (pixels), where one is given.
     ///
@@ -201,12 +213,17 @@ impl Drive {
 
     /// The odometer for the images of this drive.
     pub fn odometer(&self, config: &Config) -> VisualOdometer {
-        VisualOdometer::new(&self.camera, self.camera_height_m(config), &config.visual_odometry)
+        VisualOdometer::new(&self.camera, self.camera_height_m(config), &config.visual_odometry, config.clock.soonest)
     }
 
     /// The odometer for its label images.
     pub fn label_odometer(&self, config: &Config) -> VisualOdometer {
-        VisualOdometer::of_labels(&self.camera, self.camera_height_m(config), &config.visual_odometry)
+        VisualOdometer::of_labels(
+            &self.camera,
+            self.camera_height_m(config),
+            &config.visual_odometry,
+            config.clock.soonest,
+        )
     }
 
     fn camera_height_m(&self, config: &Config) -> f64 {

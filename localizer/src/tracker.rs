@@ -348,12 +348,9 @@ impl<'a> Tracker<'a> {
         let late = best.state.time_covariance(self.clock.image_variance_s2());
         let contradiction = |interval: Interval| interval.contradiction_sigmas(self.time_variance_s2);
         let contradiction_sigmas = best.interval.map_or(0.0, contradiction);
-        let context = Context { lead, margin, contradiction_sigmas, late };
+        let shows_the_same = self.sight.shows_the_same;
+        let context = Context { lead, margin, contradiction_sigmas, late, shows_the_same };
         let verdict = health::judge(best, &context, self.verdict, &self.config.health);
-        // An old image takes nothing from what was trusted, and adds nothing.
-        let before = self.verdict.filter(|_| self.sight.shows_the_same && verdict.status != Status::Lost);
-        let verdict =
-            before.map_or(verdict, |before| Verdict { status: before.status.max(Status::Degraded), ..before });
         self.verdict = Some(verdict);
         let status = verdict.status;
         if verdict.is_followed {

@@ -101,20 +101,15 @@ pub fn motion(
     deliveries: &[Delivery],
     config: &Config,
 ) -> Result<MotionOfImages> {
-    let Some(first) = deliveries.iter().find_map(|delivery| delivery.frame) else {
-        return Ok(MotionOfImages::default());
-    };
+    let first = deliveries.iter().find_map(|delivery| delivery.frame).filter(|_| config.visual_odometry.is_on);
+    let Some(first) = first else { return Ok(MotionOfImages::default()) };
     let labels = labels.filter(|_| !drive.has_image(first));
-    let plane = |frame: usize| match labels {
-        Some(folder) => Ok::<_, crate::Error>(crate::vision::labels::read(folder, frame, None)?.largest()),
-        None => Ok(drive.image(frame)?.grey()),
-    };
-    let shown = plane(first)?;
+    let shown = drive.plane(first, labels, None)?;
     let black = Plane::zeros(shown.width(), shown.height());
     let mut watcher = Watcher::new(drive, labels.is_some(), config);
-    for delivery in deliveries.iter().filter(|_| config.visual_odometry.is_on) {
+    for delivery in deliveries {
         match delivery.frame {
-            Some(frame) => watcher.step(&plane(frame)?, delivery.time_s),
+            Some(frame) => watcher.step(&drive.plane(frame, labels, None)?, delivery.time_s),
             None => watcher.step(&black, delivery.time_s),
         }
     }

@@ -11,7 +11,6 @@ use super::input::progress;
 use crate::Result;
 use crate::drive::Drive;
 use crate::odometry::Odometry;
-use crate::vision::labels;
 
 /// Arguments of `localizer motion`.
 #[derive(Debug, Args)]
@@ -66,13 +65,10 @@ pub fn execute(args: &MotionArgs) -> Result<bool> {
     let bar = progress(drive.frames.len(), "motion");
     let mut before: Option<usize> = None;
     for &frame in &drive.frames {
-        let grey = match &args.labels {
-            Some(folder) => labels::read(folder, frame, size)?.largest(),
-            None => drive.image(frame)?.grey(),
-        };
-        size = Some((grey.width(), grey.height()));
+        let plane = drive.plane(frame, args.labels.as_deref(), size)?;
+        size = Some((plane.width(), plane.height()));
         let started = Instant::now();
-        let shown = odometer.step(&grey, drive.times_s[frame]);
+        let shown = odometer.step(&plane, drive.times_s[frame]);
         spent_s += started.elapsed().as_secs_f64();
         let is_another = odometer.last_s() == Some(drive.times_s[frame]);
         if let Some(before) = is_another.then(|| before.replace(frame)).flatten() {

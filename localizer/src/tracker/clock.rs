@@ -31,7 +31,7 @@ pub struct ClockConfig {
     /// frames, seconds: at 10 m/s 5 cm.
     pub told_sigma_s: f64,
     /// An image that comes sooner than this share of the usual time after the
-    /// one before is too soon.
+    /// one before is too soon: it was taken at another time than it says.
     pub soonest: f64,
 }
 

@@ -45,7 +45,7 @@ pub struct HealthConfig {
     /// The same if two objects are, metres: there another pose is a rival.
     pub max_separation_of_two_m: f64,
     /// Standard deviations by which the image of an ok frame may move along its way what the
-    /// motion predicted: an old image that comes again asks for more, braking does not.
+    /// motion predicted: an older image than the last asks for more, braking does not.
     pub max_contradiction_sigmas: f64,
     /// A frame holds a pose if what was matched is worth at least this, nats,
     /// whatever was not seen: with a house before half of the landmarks the
@@ -113,6 +113,8 @@ pub struct Context {
     pub contradiction_sigmas: f64,
     /// The covariance of its pose for the time of the image not being known.
     pub late: Matrix6<f64>,
+    /// It is an old image again.
+    pub shows_the_same: bool,
 }
 
 /// Judges the best hypothesis; `before` was said of the frame before.
@@ -124,6 +126,10 @@ pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, heal
     let verified = best.age_frames >= health.verify_frames;
     if sigma_m > health.lost_sigma_m || best.weak_frames >= health.lost_after_frames || (was_lost && !verified) {
         return Verdict { status: Status::Lost, is_followed: false, well_frames: 0, was_ok: false, was_ever_ok };
+    }
+    if let Some(before) = before.filter(|_| context.shows_the_same) {
+        // It takes nothing from what was trusted, and adds nothing.
+        return Verdict { status: before.status.max(Status::Degraded), ..before };
     }
     let is_followed = verified
         && sigma_m <= health.ok_sigma_m

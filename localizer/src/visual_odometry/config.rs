@@ -10,10 +10,6 @@ use crate::odometry::OdometryConfig;
 pub struct VisualOdometryConfig {
     /// Whether it is: where there are images or label images, and no log of wheels.
     pub is_on: bool,
-    /// An image that comes sooner than this share of the usual time after the one
-    /// before was taken at another time than it says: a quarter of a frame early,
-    /// after one as late, is at half of it.
-    pub soonest: f64,
     /// The points that are followed.
     pub tracks: TrackConfig,
     /// The rotation from them.
@@ -165,7 +161,6 @@ impl Default for VisualOdometryConfig {
         };
         Self {
             is_on: true,
-            soonest: 0.6,
             tracks: TrackConfig::default(),
             rotation: RotationConfig::default(),
             road: RoadConfig::default(),

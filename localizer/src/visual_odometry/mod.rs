@@ -57,6 +57,8 @@ pub struct VisualOdometer {
     /// Since that the images could not be followed: it says nothing of the next.
     was_astray: bool,
     pace: Pace,
+    /// Share of the usual time between two images before which one comes too soon.
+    soonest: f64,
     /// The last image came too soon: when it was taken is not known.
     time_is_unknown: bool,
     /// Mean of the camera's pitch against the road, radians, positive where it
@@ -67,8 +69,9 @@ pub struct VisualOdometer {
 }
 
 impl VisualOdometer {
-    /// For a camera that stands so high over the road, metres.
-    pub fn new(camera: &PinholeCamera, camera_height_m: f64, config: &VisualOdometryConfig) -> Self {
+    /// For a camera that stands so high over the road, metres; `soonest` as in
+    /// [`crate::tracker::ClockConfig`].
+    pub fn new(camera: &PinholeCamera, camera_height_m: f64, config: &VisualOdometryConfig, soonest: f64) -> Self {
         Self {
             config: *config,
             camera: *camera,
@@ -82,6 +85,7 @@ impl VisualOdometer {
             shown: None,
             was_astray: false,
             pace: Pace::default(),
+            soonest,
             time_is_unknown: false,
             pitch_rad: 0.0,
             pitch_images: 0.0,
@@ -91,11 +95,16 @@ impl VisualOdometer {
 
     /// For label images, of which the brightness is how likely something is: they
     /// tell the turn alone.
-    pub fn of_labels(camera: &PinholeCamera, camera_height_m: f64, config: &VisualOdometryConfig) -> Self {
+    pub fn of_labels(
+        camera: &PinholeCamera,
+        camera_height_m: f64,
+        config: &VisualOdometryConfig,
+        soonest: f64,
+    ) -> Self {
         let LabelConfig { sigma_px, fewest, aside_sigma_rad, .. } = config.labels;
         let rotation = RotationConfig { sigma_px, aside_sigma_rad, fewest, ..config.rotation };
         let config = VisualOdometryConfig { rotation, ..*config };
-        Self { sees_road: false, ..Self::new(camera, camera_height_m, &config) }
+        Self { sees_road: false, ..Self::new(camera, camera_height_m, &config, soonest) }
     }
 
     /// Time of the last image that was another one than that before it, seconds.
@@ -113,7 +122,7 @@ impl VisualOdometer {
         let image = GrayImage::from_raw(size(grey.width())?, size(grey.height())?, grey.data().to_vec())?;
         if self.before.as_ref().is_some_and(|(before, _)| before.dimensions() != image.dimensions()) {
             let sees_road = self.sees_road;
-            *self = Self { sees_road, ..Self::new(&self.camera, self.camera_height_m, &self.config) };
+            *self = Self { sees_road, ..Self::new(&self.camera, self.camera_height_m, &self.config, self.soonest) };
         }
         if self.before.as_ref().is_some_and(|(before, _)| *before == image) {
             return None;
@@ -121,7 +130,7 @@ impl VisualOdometer {
         self.follower.advance(&image);
         let (before, before_s) = self.before.replace((image, time_s))?;
         let dt_s = time_s - before_s;
-        let is_too_soon = self.pace.missing_s(dt_s, self.config.soonest) > 0.0;
+        let is_too_soon = self.pace.missing_s(dt_s, self.soonest) > 0.0;
         self.pace.tick(dt_s);
         let is_timed = !(std::mem::replace(&mut self.time_is_unknown, is_too_soon) || is_too_soon);
         let Some(parameters) = self.turn(&before, dt_s) else {

@@ -1,6 +1,7 @@
 //! A camera that drives over a made-up plane.
 
 use super::*;
+use crate::tracker::ClockConfig;
 
 const HEIGHT_M: f64 = 1.65;
 
@@ -12,6 +13,10 @@ fn camera() -> PinholeCamera {
         cy_px: 90.0,
         from_reference_m: nalgebra::Vector3::zeros(),
     }
+}
+
+fn odometer(config: &VisualOdometryConfig) -> VisualOdometer {
+    VisualOdometer::new(&camera(), HEIGHT_M, config, ClockConfig::default().soonest)
 }
 
 /// Grey of a place: noise of several grain sizes.
@@ -57,7 +62,7 @@ fn image_on(sag_per_m: f64, ahead_m: f64, yaw_rad: f64, pitch_rad: f64) -> Plane
 }
 
 fn drive(speed_m_s: f64, yaw_rate_rad_s: f64, pitch_rad: f64) -> Vec<Option<Odometry>> {
-    let mut odometer = VisualOdometer::new(&camera(), HEIGHT_M, &VisualOdometryConfig::default());
+    let mut odometer = odometer(&VisualOdometryConfig::default());
     let frame = |i: i32| {
         let t = f64::from(i) * 0.1;
         odometer.step(&image(speed_m_s * t, yaw_rate_rad_s * t, pitch_rad), t)
@@ -82,7 +87,12 @@ fn speed_and_turn_are_read_from_the_images() {
 
 #[test]
 fn masks_tell_the_turn_and_no_speed() {
-    let mut odometer = VisualOdometer::of_labels(&camera(), HEIGHT_M, &VisualOdometryConfig::default());
+    let mut odometer = VisualOdometer::of_labels(
+        &camera(),
+        HEIGHT_M,
+        &VisualOdometryConfig::default(),
+        ClockConfig::default().soonest,
+    );
     let step = |i: i32| {
         let t = f64::from(i) * 0.1;
         let mut masks = image(10.0 * t, 0.06 * (t - 0.3), 0.0);
@@ -104,7 +114,7 @@ fn crests_and_sags_are_no_speed() {
         let speed_off = |sag_sigma_per_m: f64| {
             let mut config = VisualOdometryConfig::default();
             config.road.sag_sigma_per_m = sag_sigma_per_m;
-            let mut odometer = VisualOdometer::new(&camera(), HEIGHT_M, &config);
+            let mut odometer = odometer(&config);
             let step = |i: i32| {
                 let t = f64::from(i) * 0.1;
                 odometer.step(&image_on(sag_per_m, 13.0 * t, 0.0, 0.0), t)
@@ -120,7 +130,7 @@ fn crests_and_sags_are_no_speed() {
 /// Steps of a vehicle of 10 m/s by the times of its images and by where it was then,
 /// in tenths of a second.
 fn steps_of(images: &[(f64, f64)]) -> Vec<Option<Odometry>> {
-    let mut odometer = VisualOdometer::new(&camera(), HEIGHT_M, &VisualOdometryConfig::default());
+    let mut odometer = odometer(&VisualOdometryConfig::default());
     images.iter().map(|(time, way)| odometer.step(&image(*way, 0.0, 0.0), 0.1 * time)).collect()
 }
 
@@ -148,7 +158,7 @@ fn times_that_are_early_and_late_in_turn_give_no_speed() {
 
 #[test]
 fn a_vehicle_that_stands_has_no_speed() {
-    let mut odometer = VisualOdometer::new(&camera(), HEIGHT_M, &VisualOdometryConfig::default());
+    let mut odometer = odometer(&VisualOdometryConfig::default());
     let mut step = |i: usize| {
         let mut still = image(0.0, 0.0, 0.0);
         // No two images of a camera are the same.
@@ -164,7 +174,7 @@ fn a_vehicle_that_stands_has_no_speed() {
 
 #[test]
 fn what_shows_nothing_tells_nothing() {
-    let mut odometer = VisualOdometer::new(&camera(), HEIGHT_M, &VisualOdometryConfig::default());
+    let mut odometer = odometer(&VisualOdometryConfig::default());
     let black = Plane::zeros(620, 188);
     assert!((0..3).all(|i| odometer.step(&black, f64::from(i)).is_none()));
     // Images of another size, of no size, and at one time.

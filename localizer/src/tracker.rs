@@ -276,6 +276,13 @@ impl<'a> Tracker<'a> {
         bank.newcomer_cost + (bank.jump_cost - bank.newcomer_cost) * trusted
     }
 
+    /// What a pose beside the best pays, nats: a jump, but where the best was found
+    /// again and is not trusted yet.
+    fn rival_cost(&self) -> f64 {
+        let is_anew = self.verdict.is_some_and(|verdict| verdict.was_ever_ok && !verdict.was_ok);
+        if is_anew { self.config.bank.newcomer_cost } else { self.config.bank.jump_cost }
+    }
+
     /// Adds a hypothesis unless one like it is tracked already.
     fn add(&mut self, mut newcomer: Hypothesis) {
         newcomer.compare(&self.region, &self.config);
@@ -320,14 +327,14 @@ impl<'a> Tracker<'a> {
         }
         let loose = rivals::find_loose(&scene, &best, &mut self.associator, &self.config);
         if let Some(loose) = loose.filter(|loose| loose.evidence() > best.evidence - self.config.rivals.spawn_margin) {
-            self.add(Hypothesis::beside(&best, &loose, self.config.bank.jump_cost));
+            self.add(Hypothesis::beside(&best, &loose, self.rival_cost()));
         }
         let mut margin = best.margin.filter(|_| !is_due).unwrap_or(f64::INFINITY);
         for rival in &found {
             let ahead = best.evidence - rival.evidence();
             margin = margin.min(ahead);
             if ahead < self.config.rivals.spawn_margin {
-                self.add(Hypothesis::beside(&best, rival, self.config.bank.jump_cost));
+                self.add(Hypothesis::beside(&best, rival, self.rival_cost()));
             }
         }
         self.rivals = found;

@@ -73,7 +73,7 @@ pub fn pair_lane(
 ) -> Option<Pairing> {
     let mut pairing = Pairing::empty();
     for knot in feature.knots() {
-        if let Some(observation) = observe(vertices, knot, noise, focal_px, reach_px) {
+        if let Some(observation) = observe(vertices, knot, Across::Feature, noise, focal_px, reach_px) {
             pairing.push(observation);
         }
     }
@@ -87,8 +87,10 @@ pub fn pair_lane(
     Some(pairing)
 }
 
-/// What [`pair_lane`] gives, from its ends inwards: most pairs are refuted by
-/// the first end already.
+/// The places of [`pair_lane`], from its ends inwards: most pairs are refuted by
+/// the first end already. Their distances are measured across the line, not across
+/// the feature: what lies nearest on a line that runs athwart lies along the feature,
+/// and across that it is no distance away.
 #[derive(Debug, Clone)]
 pub struct LaneEnds<'a> {
     vertices: &'a [LaneVertex],
@@ -114,13 +116,13 @@ impl<'a> LaneEnds<'a> {
     /// The first observation that is left. Its standard deviation is still to
     /// be multiplied by [`Self::share`].
     pub fn first(&mut self) -> Option<Observation> {
-        self.left.find_map(|knot| observe(self.vertices, knot, self.noise, self.focal_px, self.reach_px))
+        self.left.find_map(|knot| observe(self.vertices, knot, Across::Line, self.noise, self.focal_px, self.reach_px))
     }
 
     /// As [`Self::first`], the last.
     pub fn last(&mut self) -> Option<Observation> {
         let mut left = self.left.by_ref().rev();
-        left.find_map(|knot| observe(self.vertices, knot, self.noise, self.focal_px, self.reach_px))
+        left.find_map(|knot| observe(self.vertices, knot, Across::Line, self.noise, self.focal_px, self.reach_px))
     }
 
     /// With first and last taken: what their standard deviations are to be
@@ -141,30 +143,39 @@ fn share_of(knots: usize) -> f64 {
     (knots as f64 / 2.0).sqrt()
 }
 
+/// Across what a distance is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Across {
+    /// The feature: that stays in the image as the pose is moved.
+    Feature,
+    /// The projected line.
+    Line,
+}
+
 /// What a knot says about the line beside it.
 fn observe(
     vertices: &[LaneVertex],
     knot: &Knot,
+    across: Across,
     noise: &NoiseConfig,
     focal_px: f64,
     reach_px: f64,
 ) -> Option<Observation> {
-    let (point_map, depth_m) = place_on(vertices, &knot.at_px, reach_px)?;
-    let lateral_px = knot.normal.x * noise.lane_sigma_m * focal_px / depth_m;
-    let height_px = knot.normal.y * noise.lane_height_sigma_m * focal_px / depth_m;
+    let (a, b, fraction) = nearest_on(vertices, &knot.at_px, reach_px)?;
+    let share = fraction_in_space(fraction, a.depth_m, b.depth_m);
+    let point_map = a.point_map + (b.point_map - a.point_map) * share;
+    let depth_m = a.depth_m + (b.depth_m - a.depth_m) * share;
+    let normal = match across {
+        Across::Feature => knot.normal,
+        Across::Line => Vector2::new(-a.along_px.y, a.along_px.x) / a.length2_px2.sqrt(),
+    };
+    let lateral_px = normal.x * noise.lane_sigma_m * focal_px / depth_m;
+    let height_px = normal.y * noise.lane_height_sigma_m * focal_px / depth_m;
     let variance = knot.sigma_px * knot.sigma_px
         + lateral_px * lateral_px
         + height_px * height_px
         + noise.calibration_sigma_px * noise.calibration_sigma_px;
-    Some(Observation::on_line(point_map, knot.normal, &knot.at_px, variance.sqrt()))
-}
-
-/// The point of a projected polyline nearest to a pixel, in the map, with its
-/// depth.
-fn place_on(vertices: &[LaneVertex], pixel: &Point2<f64>, reach_px: f64) -> Option<(Point3<f64>, f64)> {
-    let (a, b, fraction) = nearest_on(vertices, pixel, reach_px)?;
-    let share = fraction_in_space(fraction, a.depth_m, b.depth_m);
-    Some((a.point_map + (b.point_map - a.point_map) * share, a.depth_m + (b.depth_m - a.depth_m) * share))
+    Some(Observation::on_line(point_map, normal, &knot.at_px, variance.sqrt()))
 }
 
 /// The edge of a projected polyline that is nearest to a pixel, and the fraction

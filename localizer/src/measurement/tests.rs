@@ -220,7 +220,8 @@ fn a_lane_feature_is_compared_where_the_map_has_the_line() {
     let information = |p: &Pairing| p.observations().iter().map(|o| o.sigma_px.powi(-2)).sum::<f64>();
     assert!(information(&pairing) < 2.0 / noise.calibration_sigma_px.powi(2));
     assert!(paired(&vertices(&lane(2.0, 6.0, 30.0))).is_none());
-    // From the ends inwards it is the same pair, and never less sure than bound.
+    // From the ends inwards these are the same places, as sure, and never less so
+    // than bound.
     for (right_m, from_m, to_m) in [(-1.7, 6.0, 30.0), (-1.7, 6.0, 11.0), (-1.5, 9.0, 20.0), (2.0, 6.0, 30.0)] {
         let vertices = vertices(&lane(right_m, from_m, to_m));
         let mut ends = LaneEnds::new(&vertices, &prepared.lanes[0], &noise, FOCAL_PX, 30.0);
@@ -231,9 +232,29 @@ fn a_lane_feature_is_compared_where_the_map_has_the_line() {
         let Some(((first, last), pairing)) = taken.zip(pairing) else { continue };
         let (share, most) = (ends.share(), ends.most_share(2));
         assert!(share <= most && most <= most_of_one);
-        let sure = |end: Observation| Observation { sigma_px: end.sigma_px * share, ..end };
-        assert_eq!(pairing.extremes(), (&sure(first), &sure(last)));
+        for (end, of_pair) in [(first, pairing.extremes().0), (last, pairing.extremes().1)] {
+            assert_eq!(end.point_map, of_pair.point_map);
+            let distance_px = |of: &Observation| of.distance_px(&view()).unwrap().abs();
+            assert!((distance_px(&end) - distance_px(of_pair)).abs() < 0.5);
+            assert!((end.sigma_px * share / of_pair.sigma_px - 1.0).abs() < 0.05);
+        }
     }
+}
+
+#[test]
+fn a_lane_that_runs_athwart_a_feature_is_far_from_its_ends() {
+    // A mapped line across the road, and a feature along it, 12 m and more ahead.
+    let across = |right_m: f64| pose() * Point3::new(right_m, 1.6, 15.0);
+    let candidates = Candidates { lane_points_map: [-8.0, 0.0, 8.0].map(across).to_vec(), ..lane(0.0, 1.0, 2.0) };
+    let seen = |ahead_m: f64| view().project(&(pose() * Point3::new(0.5, 1.6, ahead_m))).unwrap().0;
+    let feature = LaneFeature { line: line(seen(20.0), seen(12.0)), points_px: Vec::new(), edges: Vec::new() };
+    let mut prepared = Prepared::default();
+    prepared.fill(&Features { lanes: vec![feature], ..Features::default() });
+    let (vertices, noise) = (vertices(&candidates), NoiseConfig::default());
+    let mut ends = LaneEnds::new(&vertices, &prepared.lanes[0], &noise, FOCAL_PX, 60.0);
+    let ends_px = [ends.first().unwrap(), ends.last().unwrap()].map(|end| end.distance_px(&view()).unwrap());
+    // One lies above the line, one below.
+    assert!(ends_px.iter().all(|px| px.abs() > 10.0) && ends_px[0] * ends_px[1] < 0.0, "{ends_px:?}");
 }
 
 #[test]

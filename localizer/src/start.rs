@@ -16,9 +16,10 @@ use nalgebra::{Matrix6, Vector6};
 use serde::{Deserialize, Serialize};
 
 use crate::associate::matching::Scene;
-use crate::associate::robust::{Associator, Question, Refined, RobustConfig};
+use crate::associate::robust::{Associator, Question, Refined};
+use crate::config::Config;
 use crate::local_map::{LocalMap, RoadKey};
-use crate::solver::{Prior, SolverConfig};
+use crate::solver::Prior;
 use cells::{Cell, Cells};
 use field::Field;
 pub use rough::{Rough, keep_on_road};
@@ -145,12 +146,11 @@ impl Search {
         scene: &Scene<'_>,
         rough: &Rough,
         associator: &mut Associator,
-        config: &StartConfig,
-        robust: &RobustConfig,
-        solver: &SolverConfig,
+        start: &StartConfig,
+        config: &Config,
     ) -> Vec<Refined> {
         let sigmas = self.cells.sigmas(rough);
-        self.score(scene, &sigmas, associator, config);
+        self.score(scene, &sigmas, associator, start);
         let (step_m, step_rad) = (self.cells.step_m, self.cells.step_rad);
         let covariance = rough.covariance();
         let Some(prior) = Prior::new(rough.map_from_camera, &covariance) else { return Vec::new() };
@@ -161,11 +161,11 @@ impl Search {
         }
         let gate_of = |sigmas: &Vector6<f64>| Matrix6::from_diagonal(&sigmas.component_mul(sigmas));
         let gate = gate_of(&gate_sigmas);
-        let question = Question { scene, gate_covariance: &gate, prior: &prior, config: robust, solver };
+        let question = Question { scene, gate_covariance: &gate, prior: &prior, config };
         let mut found: Vec<Refined> = Vec::new();
         let mut tried: Vec<Pose> = Vec::new();
         for cell in &self.cells.all {
-            if tried.len() >= config.refined {
+            if tried.len() >= start.refined {
                 break;
             }
             // Neighbours of a better cell lead to the same minimum.
@@ -192,7 +192,7 @@ impl Search {
         found.sort_by(|a, b| b.evidence().total_cmp(&a.evidence()));
         let mut distinct: Vec<Refined> = Vec::new();
         for refined in found {
-            if distinct.len() >= config.kept {
+            if distinct.len() >= start.kept {
                 break;
             }
             if !distinct.iter().any(|kept| is_alike(&kept.map_from_camera, &refined.map_from_camera, 0.3, 0.01)) {
@@ -269,14 +269,7 @@ mod tests {
             let run = |scene: &Scene<'_>| {
                 let mut search = Search::default();
                 search.lay_out(&rough, &map, &roads, &StartConfig::default());
-                search.run(
-                    scene,
-                    &rough,
-                    &mut Associator::default(),
-                    &StartConfig::default(),
-                    &RobustConfig::default(),
-                    &SolverConfig::default(),
-                )
+                search.run(scene, &rough, &mut Associator::default(), &StartConfig::default(), &Config::default())
             };
             let found = run(&scene);
             let near = |pose: &Pose| local(&truth, pose).fixed_rows::<3>(0).norm() < 0.4;

@@ -249,14 +249,7 @@ impl<'a> Tracker<'a> {
         self.select(&rough.map_from_camera, &reach)?;
         self.search.lay_out(&rough, self.map, &self.sight.candidates.roads, &self.config.start);
         let scene = self.sight.scene(&self.config);
-        let found = self.search.run(
-            &scene,
-            &rough,
-            &mut self.associator,
-            &self.config.start,
-            &self.config.robust,
-            &self.config.solver,
-        );
+        let found = self.search.run(&scene, &rough, &mut self.associator, &self.config.start, &self.config);
         let handicap = if self.bank.is_empty() { 0.0 } else { self.newcomer_cost() };
         // What is hidden from the best was hidden from the others, too.
         let past_weight = self.bank.first().map_or(0.0, |best| best.past_weight.min(0.0));

@@ -1,12 +1,14 @@
 //! The default association: all mutual-best matches within gates that shrink
-//! with the pose's covariance, a robust loss, and the motion as a prior.
+//! with the pose's covariance, a robust loss, and the motion as a prior; each object of what
+//! comes out is doubted in turn.
 
 use common::geometry::{Pose, local};
 use nalgebra::{Cholesky, Matrix6};
 use serde::{Deserialize, Serialize};
 
 use super::matching::{Match, Matcher, Scene};
-use super::separation::{Balance, SeparationConfig};
+use super::separation::Balance;
+use crate::config::Config;
 use crate::estimate::{Correspondence, LandmarkId};
 use crate::projection::View;
 use crate::residual::{Group, Observation};
@@ -45,9 +47,9 @@ impl Default for RobustConfig {
 /// A pose with the frame's support for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Refined {
-    /// The pose.
+    /// The pose: the mean over what may be matched wrongly.
     pub map_from_camera: Pose,
-    /// Its covariance (camera tangent).
+    /// Its covariance (camera tangent), that of the mixture.
     pub covariance: Matrix6<f64>,
     /// Log-likelihood ratio against clutter alone, without the prior, nats.
     pub support: f64,
@@ -92,10 +94,8 @@ pub struct Question<'a> {
     pub gate_covariance: &'a Matrix6<f64>,
     /// The belief about the pose.
     pub prior: &'a Prior,
-    /// How it is matched.
-    pub config: &'a RobustConfig,
-    /// How it is solved.
-    pub solver: &'a SolverConfig,
+    /// How it is matched, solved and doubted.
+    pub config: &'a Config,
 }
 
 /// Buffers of the association.
@@ -129,7 +129,7 @@ impl Associator {
         start: &Pose,
         is_known: impl Fn(&Pose) -> bool,
     ) -> Option<Refined> {
-        let Question { scene, gate_covariance, prior, config, solver } = *question;
+        let Question { scene, gate_covariance, prior, config } = *question;
         let prior_factor = Cholesky::new(prior.information)?;
         let prior_covariance = prior_factor.inverse();
         // The gate of each round, and what the last leaves.
@@ -143,7 +143,7 @@ impl Associator {
         };
         let mut iterations = 0;
         self.previous.clear();
-        for round in 0..config.max_rounds {
+        for round in 0..config.robust.max_rounds {
             self.matcher.find(scene, &solution.map_from_camera, &covariance);
             if round > 0 {
                 // The first gate is wide, and a wide gate says little for a
@@ -155,7 +155,7 @@ impl Associator {
                 && self.matcher.matches.iter().zip(&self.previous).all(|(m, p)| (m.landmark, m.feature) == *p);
             self.matcher.observations(&mut self.observations, &mut self.groups);
             let problem = Problem { camera: scene.camera, observations: &self.observations, prior: Some(prior) };
-            solution = solve(&problem, &mut self.groups, solver, &solution.map_from_camera);
+            solution = solve(&problem, &mut self.groups, &config.solver, &solution.map_from_camera);
             if is_known(&solution.map_from_camera) {
                 return None;
             }
@@ -177,8 +177,12 @@ impl Associator {
         let (rms_px, mean_square) = self.residuals(scene, &solution.map_from_camera);
         let prior_cost = 0.5 * error.dot(&(prior.information * error));
         let occam = (0.5 * (posterior_ln + prior_factor.ln_determinant())).min(0.0);
+        let matches = &self.matcher.matches;
+        let (view, solved) = (View::new(scene.camera, &solution.map_from_camera), &solution.map_from_camera);
+        let doubted = self.balance.doubted(matches, &view, solved, prior, &config.separation, &config.solver);
+        let (map_from_camera, covariance) = doubted.unwrap_or((solution.map_from_camera, covariance));
         Some(Refined {
-            map_from_camera: solution.map_from_camera,
+            map_from_camera,
             covariance,
             support,
             prior_cost,
@@ -202,8 +206,9 @@ impl Associator {
     /// finds more of its kind.
     ///
     /// Returns none where the prior's information is no covariance.
-    pub fn refine_predicted(&mut self, question: &Question<'_>, separation: &SeparationConfig) -> Option<Refined> {
-        let Question { scene, gate_covariance, prior, config, solver } = *question;
+    pub fn refine_predicted(&mut self, question: &Question<'_>) -> Option<Refined> {
+        let Question { scene, gate_covariance, prior, config } = *question;
+        let (separation, solver, config) = (&config.separation, &config.solver, &config.robust);
         let predicted = prior.map_from_camera;
         let mut best = self.refine(question, &predicted)?;
         let doubted = best.prior_cost > config.doubted_cost || best.worth < config.doubted_worth;

@@ -5,6 +5,8 @@
 //! A wrong match that decides where the pose lies agrees with itself: its
 //! residual is small. It shows when the others are asked without it.
 
+mod doubt;
+
 use common::geometry::{Pose, local, retract};
 use nalgebra::{Cholesky, Matrix6, Point3, Vector6};
 use serde::{Deserialize, Serialize};
@@ -38,6 +40,8 @@ impl Default for SeparationConfig {
 /// What one match says about the pose: normal matrix and gradient.
 #[derive(Debug, Clone, Copy)]
 struct Part {
+    /// What it says for the pose against its landmark unseen, nats.
+    worth: f64,
     at_map: Option<Point3<f64>>,
     information: Matrix6<f64>,
     gradient: Vector6<f64>,
@@ -57,7 +61,7 @@ impl Part {
             LandmarkId::Lane(_) | LandmarkId::Marks(_) => None,
             LandmarkId::Pole(_) | LandmarkId::Sign(_) => found.pairing.line().first().map(|o| o.point_map),
         };
-        Self { at_map, information, gradient }
+        Self { worth: found.support - found.unseen, at_map, information, gradient }
     }
 
     fn is_same_object(&self, other: &Self, object_m: f64) -> bool {
@@ -214,7 +218,7 @@ mod tests {
 
     /// The frame at the true pose, with the longest pole seen aside, as `ask`
     /// is told of it: matches, view, pose, prior.
-    fn with_one_aside<T>(aside_px: f64, ask: impl FnOnce(&[Match], &View, &Pose, &Prior) -> T) -> T {
+    pub(super) fn with_one_aside<T>(aside_px: f64, ask: impl FnOnce(&[Match], &View, &Pose, &Prior) -> T) -> T {
         let world = World::new(Recipe { missed: 0.0, ..Recipe::default() });
         let pose = world.truth[60];
         let mut seen = world.features(60);

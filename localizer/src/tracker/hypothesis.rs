@@ -272,14 +272,8 @@ impl Hypothesis {
             (self.age_frames, self.led_frames) = (0, 0);
         }
         let prior = Prior::new(predicted, &covariance)?;
-        let question = Question {
-            scene,
-            gate_covariance: &covariance,
-            prior: &prior,
-            config: &config.robust,
-            solver: &config.solver,
-        };
-        let refined = associator.refine_predicted(&question, &config.separation)?;
+        let question = Question { scene, gate_covariance: &covariance, prior: &prior, config };
+        let refined = associator.refine_predicted(&question)?;
         let beyond = (self.off_road_m - config.bank.road_m).max(0.0) / config.bank.off_road_sigma_m;
         let off_road = (0.5 * beyond * beyond).min(config.bank.max_surprise);
         let unlikely = off_road + self.state.surprise.min(config.bank.max_surprise);

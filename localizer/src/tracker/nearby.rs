@@ -81,8 +81,7 @@ impl Tracker<'_> {
         self.select(&rough.map_from_camera, &reach)?;
         self.search.lay_out(&rough, self.map, &self.sight.candidates.roads, &start);
         let scene = self.sight.scene(&self.config);
-        let found =
-            self.search.run(&scene, &rough, &mut self.associator, &start, &self.config.robust, &self.config.solver);
+        let found = self.search.run(&scene, &rough, &mut self.associator, &start, &self.config);
         let least = best.evidence - self.config.rivals.spawn_margin;
         let found = found.iter().filter(|refined| refined.evidence() > least);
         Ok(found.map(|refined| Hypothesis::beside(&best, refined, self.config.bank.jump_cost)).collect())

@@ -90,15 +90,6 @@ impl RivalConfig {
     }
 }
 
-fn question<'a>(
-    scene: &'a Scene<'a>,
-    gate_covariance: &'a Matrix6<f64>,
-    prior: &'a Prior,
-    config: &'a Config,
-) -> Question<'a> {
-    Question { scene, gate_covariance, prior, config: &config.robust, solver: &config.solver }
-}
-
 /// The direction in which the place on the road is least certain, as a shift
 /// of one metre (a turn by its effect at `lever_m`): right, forward and yaw.
 /// Height and tilt are the road's.
@@ -145,7 +136,7 @@ pub fn find(
     let is_best = |other: &Pose| rivals.distance_m(&pose, other) < rivals.same_m;
     for &(_, shifted) in scored.iter().take(rivals.refined) {
         let Some(prior) = Prior::new(shifted, &covariance) else { continue };
-        let question = question(scene, &covariance, &prior, config);
+        let question = Question { scene, gate_covariance: &covariance, prior: &prior, config };
         let refined = associator.refine_unless(&question, &shifted, is_best);
         let is_distinct = |r: &Refined| rivals.distance_m(&pose, &r.map_from_camera) >= rivals.distinct_m;
         found.extend(refined.filter(is_distinct));
@@ -172,6 +163,7 @@ pub fn find_loose(
     let sigmas = Vector6::new(m, sigma(1, height_m), m, sigma(3, tilt_rad), rad, sigma(5, tilt_rad));
     let covariance = Matrix6::from_diagonal(&sigmas.component_mul(&sigmas));
     let prior = Prior::new(pose, &covariance)?;
-    let refined = associator.refine(&question(scene, &covariance, &prior, config), &pose)?;
+    let question = Question { scene, gate_covariance: &covariance, prior: &prior, config };
+    let refined = associator.refine(&question, &pose)?;
     (rivals.distance_m(&pose, &refined.map_from_camera) >= rivals.loose_distinct_m).then_some(refined)
 }

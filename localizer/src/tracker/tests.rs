@@ -352,7 +352,7 @@ fn what_has_not_led_for_some_frames_is_not_called_ok() {
 
 #[test]
 fn ok_takes_as_many_good_frames_in_a_row() {
-    let world = World::new(Recipe { missed: 0.6, pole_spacing_m: 15.0, ..street() });
+    let world = World::new(Recipe { missed: 0.7, pole_spacing_m: 15.0, ..street() });
     let is_ok = |well_frames: usize| {
         let (well_frames_anew, well_frames_again) = (well_frames, well_frames);
         let health = HealthConfig { well_frames, well_frames_anew, well_frames_again, ..HealthConfig::default() };

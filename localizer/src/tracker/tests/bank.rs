@@ -79,8 +79,7 @@ fn a_jump_tells_of_wrong_times_once_the_speed_is_known() {
         scene: &scene,
         gate_covariance: &best.state.pose_covariance(),
         prior: &prior,
-        config: &tracker.config.robust,
-        solver: &tracker.config.solver,
+        config: &tracker.config,
     };
     let rival = tracker.associator.refine(&question, &best.state.map_from_camera).unwrap();
     let tells = |best: &Hypothesis| Hypothesis::beside(best, &rival, 10.0).interval.is_some();

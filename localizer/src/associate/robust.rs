@@ -129,6 +129,28 @@ impl Associator {
         start: &Pose,
         is_known: impl Fn(&Pose) -> bool,
     ) -> Option<Refined> {
+        let solved = self.solve_unless(question, start, is_known)?;
+        Some(self.doubted(question, solved))
+    }
+
+    /// The mean over what may be matched wrongly in `solved`, with the matches that it
+    /// was solved with.
+    fn doubted(&mut self, question: &Question<'_>, solved: Refined) -> Refined {
+        let Question { scene, prior, config, .. } = *question;
+        let (pose, view) = (&solved.map_from_camera, View::new(scene.camera, &solved.map_from_camera));
+        let matches = &self.matcher.matches;
+        let doubted = self.balance.doubted(matches, &view, pose, prior, &config.separation, &config.solver);
+        let Some((map_from_camera, covariance)) = doubted else { return solved };
+        Refined { map_from_camera, covariance, ..solved }
+    }
+
+    /// As [`Self::refine_unless`], with all matches taken for right.
+    fn solve_unless(
+        &mut self,
+        question: &Question<'_>,
+        start: &Pose,
+        is_known: impl Fn(&Pose) -> bool,
+    ) -> Option<Refined> {
         let Question { scene, gate_covariance, prior, config } = *question;
         let prior_factor = Cholesky::new(prior.information)?;
         let prior_covariance = prior_factor.inverse();
@@ -177,12 +199,8 @@ impl Associator {
         let (rms_px, mean_square) = self.residuals(scene, &solution.map_from_camera);
         let prior_cost = 0.5 * error.dot(&(prior.information * error));
         let occam = (0.5 * (posterior_ln + prior_factor.ln_determinant())).min(0.0);
-        let matches = &self.matcher.matches;
-        let (view, solved) = (View::new(scene.camera, &solution.map_from_camera), &solution.map_from_camera);
-        let doubted = self.balance.doubted(matches, &view, solved, prior, &config.separation, &config.solver);
-        let (map_from_camera, covariance) = doubted.unwrap_or((solution.map_from_camera, covariance));
         Some(Refined {
-            map_from_camera,
+            map_from_camera: solution.map_from_camera,
             covariance,
             support,
             prior_cost,
@@ -210,7 +228,7 @@ impl Associator {
         let Question { scene, gate_covariance, prior, config } = *question;
         let (separation, solver, config) = (&config.separation, &config.solver, &config.robust);
         let predicted = prior.map_from_camera;
-        let mut best = self.refine(question, &predicted)?;
+        let mut best = self.solve_unless(question, &predicted, |_| false)?;
         let doubted = best.prior_cost > config.doubted_cost || best.worth < config.doubted_worth;
         self.believed.clone_from(&self.matcher.matches);
         let narrow = gate_covariance * config.narrow_share;
@@ -219,7 +237,7 @@ impl Associator {
             self.matcher.find(scene, &predicted, &narrow);
             if self.matcher.matches.iter().all(|m| self.believed.iter().any(|b| b.is_same(m))) {
                 self.matcher.matches.clone_from(&self.believed);
-                return Some(best);
+                return Some(self.doubted(question, best));
             }
         }
         self.balance.moved.clear();
@@ -232,7 +250,7 @@ impl Associator {
         let far = without.iter().filter(|(cost, _)| *cost > config.least_move).map(|&(_, pose)| pose);
         for start in std::iter::once(predicted).chain(far.take(config.left_out)) {
             let narrowly = Question { gate_covariance: &narrow, ..*question };
-            let Some(other) = self.refine(&narrowly, &start) else { continue };
+            let Some(other) = self.solve_unless(&narrowly, &start, |_| false) else { continue };
             if other.evidence() > best.evidence() {
                 best = other;
                 self.believed.clone_from(&self.matcher.matches);
@@ -240,7 +258,7 @@ impl Associator {
         }
         self.balance.moved = without;
         self.matcher.matches.clone_from(&self.believed);
-        Some(best)
+        Some(self.doubted(question, best))
     }
 
     /// Root mean square distance (px) and mean squared whitened distance.

@@ -13,13 +13,34 @@ use crate::solver::{Prior, SolverConfig};
 /// Odds beyond this are certainty, natural logarithm.
 const MOST_LN: f64 = 30.0;
 
-/// What a pose would be without an object.
-struct Without {
-    /// Odds that the object was matched wrongly, against nothing wrong.
-    odds: f64,
-    /// From the pose (camera tangent).
+/// A pose by its distance from another (camera tangent).
+struct Belief {
     step: Vector6<f64>,
     information: Cholesky<f64, Const<6>>,
+}
+
+impl Belief {
+    /// None where the information is not positive definite.
+    fn new((information, gradient): &Sum) -> Option<Self> {
+        let information = Cholesky::new(*information)?;
+        Some(Self { step: -information.solve(gradient), information })
+    }
+}
+
+/// Moments of a mixture.
+#[derive(Default)]
+struct Moments {
+    total: f64,
+    first: Vector6<f64>,
+    second: Matrix6<f64>,
+}
+
+impl Moments {
+    fn add(&mut self, belief: &Belief, weight: f64) {
+        self.total += weight;
+        self.first += belief.step * weight;
+        self.second += (belief.information.inverse() + belief.step * belief.step.transpose()) * weight;
+    }
 }
 
 impl Balance {
@@ -42,18 +63,17 @@ impl Balance {
         solver: &SolverConfig,
     ) -> Option<(Pose, Matrix6<f64>)> {
         self.weigh(matches, view, pose, prior, 1.0, solver);
-        let information = Cholesky::new(self.information)?;
-        let whole = Without { odds: 1.0, step: -information.solve(&self.gradient), information };
-        let without = self.objects(config.object_m).filter_map(|(rest, worth)| self.judge(&whole, &rest, worth));
-        let terms: Vec<Without> = without.collect();
-        let terms = || std::iter::once(&whole).chain(&terms);
-        let total: f64 = terms().map(|term| term.odds).sum();
-        let mean: Vector6<f64> = terms().map(|term| term.step * (term.odds / total)).sum();
-        let covariance = terms().map(|term| {
-            let off = term.step - mean;
-            (term.information.inverse() + off * off.transpose()) * (term.odds / total)
-        });
-        Some((retract(pose, &mean), covariance.sum()))
+        let whole = Belief::new(&(self.information, self.gradient))?;
+        let mut mixture = Moments::default();
+        mixture.add(&whole, 1.0);
+        for (rest, worth) in self.objects(config.object_m) {
+            let Some(belief) = Belief::new(&rest) else { continue };
+            if let Some(odds) = self.odds_against(&whole, &rest.0, &belief, worth) {
+                mixture.add(&belief, odds);
+            }
+        }
+        let mean = mixture.first / mixture.total;
+        Some((retract(pose, &mean), mixture.second / mixture.total - mean * mean.transpose()))
     }
 
     /// For each object of the matches what is left without it, and what its matches
@@ -70,21 +90,19 @@ impl Balance {
         })
     }
 
-    /// The pose of `rest`, and the odds that what is left out there is wrong; where all
-    /// is right that says `worth` nats for the pose.
-    fn judge(&self, whole: &Without, rest: &Sum, worth: f64) -> Option<Without> {
-        let information = Cholesky::new(rest.0)?;
-        let step = -information.solve(&rest.1);
-        let apart = step - whole.step;
-        let pull = 0.5 * apart.dot(&(rest.0 * apart));
-        // `worth` holds the density of what is left out as sharply as the pose is known
-        // with it, `|R + J P J'| = |R| |I + I_i| / |I|`; without it the pose is known less
-        // well, `|R| |I| / |I - I_i|`.
-        let sharper = Cholesky::new(self.information * 2.0 - rest.0)?;
-        let occam =
-            0.5 * (sharper.ln_determinant() + information.ln_determinant()) - whole.information.ln_determinant();
-        let odds = (pull - worth - occam).clamp(-MOST_LN, MOST_LN).exp();
-        Some(Without { odds, step, information })
+    /// The odds that an object is matched wrongly, without which `information` and
+    /// `belief` are left, against nothing wrong; its matches say `worth` nats for the
+    /// pose of the `whole`.
+    fn odds_against(&self, whole: &Belief, information: &Matrix6<f64>, belief: &Belief, worth: f64) -> Option<f64> {
+        let apart = belief.step - whole.step;
+        let pull = 0.5 * apart.dot(&(information * apart));
+        // `worth` holds the density of the object as sharply as the pose is known with
+        // it, `|R + J P J'| = |R| |I + I_i| / |I|`; without it the pose is known less well,
+        // `|R| |I| / |I - I_i|`.
+        let sharper = Cholesky::new(self.information * 2.0 - information)?;
+        let ln = |factor: &Cholesky<f64, Const<6>>| factor.ln_determinant();
+        let occam = 0.5 * (ln(&sharper) + ln(&belief.information)) - ln(&whole.information);
+        Some((pull - worth - occam).clamp(-MOST_LN, MOST_LN).exp())
     }
 }
 

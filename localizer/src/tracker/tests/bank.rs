@@ -47,6 +47,24 @@ fn who_was_just_trusted_is_not_lost() {
 }
 
 #[test]
+fn beside_a_place_found_again_another_need_not_be_a_jump() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let mut tracker = followed(&world, &mut map);
+    let bank = BankConfig::default();
+    let trusted = tracker.verdict.unwrap();
+    assert!(trusted.was_ok && trusted.was_ever_ok);
+    let mut cost = |was_ok: bool, was_ever_ok: bool| {
+        tracker.verdict = Some(Verdict { was_ok, was_ever_ok, ..trusted });
+        tracker.rival_cost()
+    };
+    assert!((cost(true, true) - bank.jump_cost).abs() < 1e-9);
+    assert!((cost(false, true) - bank.newcomer_cost).abs() < 1e-9);
+    // At the start all that may be right is searched at once.
+    assert!((cost(false, false) - bank.jump_cost).abs() < 1e-9);
+}
+
+#[test]
 fn what_slides_away_from_the_trusted_pose_pays_for_all_of_the_way() {
     let world = World::new(street());
     let mut map = LocalMap::whole(world.map.clone());

@@ -129,19 +129,21 @@ impl Associator {
         start: &Pose,
         is_known: impl Fn(&Pose) -> bool,
     ) -> Option<Refined> {
-        let solved = self.solve_unless(question, start, is_known)?;
-        Some(self.doubted(question, solved))
+        let mut solved = self.solve_unless(question, start, is_known)?;
+        self.doubt(question, &mut solved);
+        Some(solved)
     }
 
-    /// The mean over what may be matched wrongly in `solved`, with the matches that it
-    /// was solved with.
-    fn doubted(&mut self, question: &Question<'_>, solved: Refined) -> Refined {
+    /// Makes `solved` the mean over what may be matched wrongly in it, with the matches
+    /// that it was solved with.
+    fn doubt(&mut self, question: &Question<'_>, solved: &mut Refined) {
         let Question { scene, prior, config, .. } = *question;
         let (pose, view) = (&solved.map_from_camera, View::new(scene.camera, &solved.map_from_camera));
         let matches = &self.matcher.matches;
         let doubted = self.balance.doubted(matches, &view, pose, prior, &config.separation, &config.solver);
-        let Some((map_from_camera, covariance)) = doubted else { return solved };
-        Refined { map_from_camera, covariance, ..solved }
+        if let Some((map_from_camera, covariance)) = doubted {
+            (solved.map_from_camera, solved.covariance) = (map_from_camera, covariance);
+        }
     }
 
     /// As [`Self::refine_unless`], with all matches taken for right.
@@ -237,7 +239,8 @@ impl Associator {
             self.matcher.find(scene, &predicted, &narrow);
             if self.matcher.matches.iter().all(|m| self.believed.iter().any(|b| b.is_same(m))) {
                 self.matcher.matches.clone_from(&self.believed);
-                return Some(self.doubted(question, best));
+                self.doubt(question, &mut best);
+                return Some(best);
             }
         }
         self.balance.moved.clear();
@@ -258,7 +261,8 @@ impl Associator {
         }
         self.balance.moved = without;
         self.matcher.matches.clone_from(&self.believed);
-        Some(self.doubted(question, best))
+        self.doubt(question, &mut best);
+        Some(best)
     }
 
     /// Root mean square distance (px) and mean squared whitened distance.

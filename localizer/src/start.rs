@@ -140,7 +140,8 @@ impl Search {
     }
 
     /// The best poses of those laid out around a rough one, best first, no two
-    /// alike. The scene must hold the candidates for the whole region.
+    /// alike. The scene must hold the candidates for the whole region. `start` takes
+    /// the place of what `config` says of starts.
     pub fn run(
         &mut self,
         scene: &Scene<'_>,

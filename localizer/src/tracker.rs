@@ -269,8 +269,8 @@ impl<'a> Tracker<'a> {
         bank.newcomer_cost + (bank.jump_cost - bank.newcomer_cost) * trusted
     }
 
-    /// What a pose beside the best pays, nats: a jump, but where the best was found
-    /// again and is not trusted yet.
+    /// What a rival that this frame shows beside the best pays, nats: as much as a jump,
+    /// but where the best was found again and is not trusted yet.
     fn rival_cost(&self) -> f64 {
         let is_anew = self.verdict.is_some_and(|verdict| verdict.was_ever_ok && !verdict.was_ok);
         if is_anew { self.config.bank.newcomer_cost } else { self.config.bank.jump_cost }

@@ -235,8 +235,8 @@ fn a_lane_feature_is_compared_where_the_map_has_the_line() {
         for (end, of_pair) in [(first, pairing.extremes().0), (last, pairing.extremes().1)] {
             assert_eq!(end.point_map, of_pair.point_map);
             let distance_px = |of: &Observation| of.distance_px(&view()).unwrap().abs();
-            assert!((distance_px(&end) - distance_px(of_pair)).abs() < 0.5);
-            assert!((end.sigma_px * share / of_pair.sigma_px - 1.0).abs() < 0.05);
+            assert!((distance_px(&end) - distance_px(of_pair)).abs() < 0.05);
+            assert!((end.sigma_px * share / of_pair.sigma_px - 1.0).abs() < 0.01);
         }
     }
 }

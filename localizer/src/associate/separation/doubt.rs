@@ -5,7 +5,7 @@
 use common::geometry::{Pose, retract};
 use nalgebra::{Cholesky, Const, Matrix6, Vector6};
 
-use super::{Balance, SeparationConfig, Sum};
+use super::{Balance, Part, SeparationConfig, Sum};
 use crate::associate::matching::Match;
 use crate::projection::View;
 use crate::solver::{Prior, SolverConfig};
@@ -81,7 +81,7 @@ impl Balance {
     fn objects(&self, object_m: f64) -> impl Iterator<Item = (Sum, f64)> + '_ {
         let whole = (self.information, self.gradient);
         self.parts.iter().enumerate().filter_map(move |(i, part)| {
-            let is_same = |other: &&super::Part| part.is_same_object(other, object_m);
+            let is_same = |other: &&Part| part.is_same_object(other, object_m);
             if self.parts[..i].iter().any(|earlier| is_same(&earlier)) {
                 return None;
             }

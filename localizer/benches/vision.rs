@@ -29,12 +29,29 @@ fn image() -> Option<RgbImage> {
 }
 
 fn network(name: &str, runtime: Runtime) -> Option<Network> {
-    let network = Network::load(data().join("models").join(name), runtime);
+    let folder = data().join("models");
+    let network = match name {
+        WHOLE_LANES => described(&folder.join(LANES), runtime),
+        name => Network::load(folder.join(name), runtime),
+    };
     network.inspect_err(|error| eprintln!("nothing to time: {error}")).ok()
 }
 
 const POLES: &str = "espnetv2_cityscapes_384x1248.onnx";
 const LANES: &str = "twinlitenet_lane_384x1248.onnx";
+
+/// The network of lanes on whole images, which it is not run on unless a
+/// description says so.
+const WHOLE_LANES: &str = "whole images";
+
+fn described(network: &Path, runtime: Runtime) -> Result<Network, localizer::vision::Error> {
+    let unusable = |error| localizer::vision::Error::from(common::Error::io(network)(error));
+    let folder = tempfile::tempdir().map_err(unusable)?;
+    let copy = folder.path().join("lanes.onnx");
+    std::fs::copy(network, &copy).map_err(unusable)?;
+    std::fs::write(copy.with_extension("toml"), "[classes]\nlane = [0]\n").map_err(unusable)?;
+    Network::load(copy, runtime)
+}
 
 /// The maps of the frame, or poles and lanes drawn with straight edges.
 fn maps() -> ProbabilityMaps {
@@ -58,13 +75,13 @@ fn maps() -> ProbabilityMaps {
     maps
 }
 
-#[divan::bench(args = [POLES, LANES], sample_count = 10)]
+#[divan::bench(args = [POLES, LANES, WHOLE_LANES], sample_count = 10)]
 fn run_network(bencher: Bencher, name: &str) {
     time_network(bencher, name, Runtime::Rten);
 }
 
 #[cfg(feature = "ort")]
-#[divan::bench(args = [POLES, LANES], sample_count = 10)]
+#[divan::bench(args = [POLES, LANES, WHOLE_LANES], sample_count = 10)]
 fn run_network_by_onnx_runtime(bencher: Bencher, name: &str) {
     time_network(bencher, name, Runtime::Ort);
 }

@@ -9,7 +9,9 @@
 //! | `lane_probability` | 1x1xHxW | lane |
 
 mod denormals;
+mod part;
 mod resample;
+mod rows;
 mod runtime;
 mod signature;
 mod softmax;
@@ -20,19 +22,18 @@ use std::path::{Path, PathBuf};
 pub use runtime::Runtime;
 pub use spec::{Activation, ChannelOrder, ClassChannels, Fit, Layout, NetworkSpec};
 
-use super::{Class, Error, ProbabilityMaps, RgbImage};
-use resample::View;
-use runtime::{Model, Tensor};
+use super::{Class, Error, Plane, ProbabilityMaps, RgbImage};
+use part::Part;
 
 /// A network that is ready to run.
 pub struct Network {
     path: PathBuf,
-    model: Box<dyn Model>,
     spec: NetworkSpec,
-    /// Which input and which output of the model, from 0.
-    ends: (usize, usize),
-    /// Width and height of the input, pixels.
-    size: (usize, usize),
+    /// What runs on the rows below `skip_top`.
+    below: Option<Part>,
+    /// What runs on all rows: where there is no other, and where what that
+    /// one finds goes on above.
+    whole: Part,
 }
 
 impl Network {
@@ -49,7 +50,7 @@ impl Network {
         let path = path.as_ref();
         let mut bytes = std::fs::read(path).map_err(common::Error::io(path))?;
         denormals::flush(&mut bytes);
-        let model = runtime.load(path, bytes)?;
+        let model = runtime.load(path, bytes.clone())?;
         let signature = model.signature();
         let description = path.with_extension("toml");
         let spec = if description.exists() {
@@ -61,13 +62,25 @@ impl Network {
                 description: description.clone(),
             })?
         };
-        let (ends, size) = signature.matched(&spec).map_err(|message| Error::NetworkMismatch {
+        let mismatch = |message| Error::NetworkMismatch {
             path: path.into(),
             message,
             signature: signature.to_string(),
-            description,
-        })?;
-        Ok(Self { path: path.into(), model, spec, ends, size })
+            description: description.clone(),
+        };
+        let (ends, size) = signature.matched(&spec).map_err(mismatch)?;
+        let whole = Part::new(model, ends, size, 0);
+        let rows = spec.rows(size.1);
+        let below = (rows < size.1).then(|| -> Result<Part, Error> {
+            let unfit = |message| mismatch(format!("it does not run with `skip_top` ({message})"));
+            let fewer = rows::cut(&bytes, size, rows).ok_or_else(|| unfit("its graph cannot be read".into()))?;
+            let part = Part::new(runtime.load(path, fewer)?, ends, size, size.1 - rows);
+            part.runs(&spec).map_err(unfit)?;
+            Ok(part)
+        });
+        // A known network that is none runs as it is.
+        let below = if description.exists() { below.transpose()? } else { below.and_then(Result::ok) };
+        Ok(Self { path: path.into(), spec, below, whole })
     }
 
     /// The classes that it tells about.
@@ -83,21 +96,27 @@ impl Network {
     /// the description says; [`Error::PlaneSize`] where `maps` has another
     /// size than the image.
     pub fn run(&self, image: &RgbImage, maps: &mut ProbabilityMaps) -> Result<(), Error> {
-        let image_size = (image.width(), image.height());
-        let view = View::new(&self.spec, image_size, self.size);
-        let data = resample::to_input(image, &view, &self.spec);
-        let shape = match self.spec.layout {
-            Layout::Nchw => [1, 3, self.size.1, self.size.0],
-            Layout::Nhwc => [1, self.size.1, self.size.0, 3],
-        };
-        let failed = |message: String| Error::RunNetwork { path: self.path.clone(), message };
-        let output = self.model.run(self.ends, shape, data).map_err(failed)?;
-        let scores = Scores::new(output, self.spec.layout).map_err(failed)?;
-        for class in self.classes() {
-            let values = scores.probabilities(self.spec.classes.of(class), self.spec.activation).map_err(failed)?;
-            maps.set(class, resample::to_plane(&values, scores.size, &view, image_size))?;
+        let (mut planes, reach_edge) = self.planes(self.below.as_ref().unwrap_or(&self.whole), image)?;
+        if reach_edge {
+            (planes, _) = self.planes(&self.whole, image)?;
         }
-        Ok(())
+        planes.into_iter().try_for_each(|(class, plane)| maps.set(class, plane))
+    }
+
+    /// What a part gives for each class, and whether that reaches rows that it
+    /// leaves out.
+    fn planes(&self, part: &Part, image: &RgbImage) -> Result<(Vec<(Class, Plane)>, bool), Error> {
+        let failed = |message: String| Error::RunNetwork { path: self.path.clone(), message };
+        let (scores, view) = part.scores(image, &self.spec).map_err(failed)?;
+        let mut reach_edge = false;
+        let mut plane = |class: Class| {
+            let found = scores.probabilities(self.spec.classes.of(class), self.spec.activation).map_err(failed)?;
+            reach_edge |= found.reach_edge;
+            let plane = resample::to_plane(&found.values, found.size, &view, (image.width(), image.height()));
+            Ok((class, plane))
+        };
+        let planes = self.classes().map(&mut plane).collect::<Result<_, Error>>()?;
+        Ok((planes, reach_edge))
     }
 }
 
@@ -110,59 +129,6 @@ pub fn run_all(networks: &[Network], image: &RgbImage) -> Result<ProbabilityMaps
     let mut maps = ProbabilityMaps::zeros(image.width(), image.height());
     networks.iter().try_for_each(|network| network.run(image, &mut maps))?;
     Ok(maps)
-}
-
-/// The raw output of a network.
-struct Scores {
-    values: Vec<f32>,
-    channels: usize,
-    /// Width and height.
-    size: (usize, usize),
-    /// Distance in `values` of neighbouring channels and of neighbouring pixels.
-    strides: (usize, usize),
-}
-
-impl Scores {
-    fn new(output: Tensor, layout: Layout) -> Result<Self, String> {
-        let Tensor { shape, values } = output;
-        let [1, a, b, c] = shape[..] else {
-            return Err(format!("its output has shape {shape:?} where 1 image of 3 axes is needed"));
-        };
-        let (channels, height, width) = match layout {
-            Layout::Nchw => (a, b, c),
-            Layout::Nhwc => (c, a, b),
-        };
-        if channels * height * width == 0 {
-            return Err(format!("its output of shape {shape:?} is empty"));
-        }
-        let strides = match layout {
-            Layout::Nchw => (height * width, 1),
-            Layout::Nhwc => (1, channels),
-        };
-        Ok(Self { values, channels, size: (width, height), strides })
-    }
-
-    /// The summed probability of some channels, per pixel, row by row.
-    fn probabilities(&self, wanted: &[usize], activation: Activation) -> Result<Vec<f32>, String> {
-        if let Some(channel) = wanted.iter().find(|&&channel| channel >= self.channels) {
-            return Err(format!(
-                "its output has {} channels and the description names channel {channel}",
-                self.channels
-            ));
-        }
-        let (channel_stride, pixel_stride) = self.strides;
-        let at = |pixel: usize, channel: usize| self.values[pixel * pixel_stride + channel * channel_stride];
-        let probability = |pixel: usize| match activation {
-            Activation::None => wanted.iter().map(|&c| at(pixel, c)).sum::<f32>(),
-            Activation::Sigmoid => wanted.iter().map(|&c| 1.0 / (1.0 + (-at(pixel, c)).exp())).sum(),
-            Activation::Softmax => {
-                let largest = (0..self.channels).map(|c| at(pixel, c)).fold(f32::MIN, f32::max);
-                let exp = |c: usize| (at(pixel, c) - largest).exp();
-                wanted.iter().map(|&c| exp(c)).sum::<f32>() / (0..self.channels).map(exp).sum::<f32>()
-            }
-        };
-        Ok((0..self.size.0 * self.size.1).map(probability).collect())
-    }
 }
 
 #[cfg(test)]

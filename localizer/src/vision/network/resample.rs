@@ -52,11 +52,11 @@ fn taps(outputs: usize, inputs: usize, step: f64, shift: f64) -> Vec<Tap> {
 }
 
 /// The image as the network wants it: resized, normalised, in its layout.
-/// Padding is black before normalisation.
-pub(super) fn to_input(image: &RgbImage, view: &View, spec: &NetworkSpec) -> Vec<f32> {
-    let (width, height) = view.size;
-    let columns = taps(width, image.width(), 1.0 / view.scale.0, 0.0);
-    let rows = taps(height, image.height(), 1.0 / view.scale.1, 0.0);
+/// Padding is black before normalisation, the rows above `top` are left out.
+pub(super) fn to_input(image: &RgbImage, view: &View, top: usize, spec: &NetworkSpec) -> Vec<f32> {
+    let columns = taps(view.size.0, image.width(), 1.0 / view.scale.0, 0.0);
+    let rows = taps(view.size.1, image.height(), 1.0 / view.scale.1, 0.0);
+    let (width, height) = (view.size.0, view.size.1 - top);
     let (pixel, plane) = match spec.layout {
         Layout::Nchw => (1, width * height),
         Layout::Nhwc => (3, 1),
@@ -65,7 +65,7 @@ pub(super) fn to_input(image: &RgbImage, view: &View, spec: &NetworkSpec) -> Vec
     let mut blended = vec![0.0_f32; 3 * image.width()];
     for y in 0..height {
         blended.fill(0.0);
-        if let Some(tap) = rows.get(y) {
+        if let Some(tap) = rows.get(top + y) {
             let pair = image.row(tap.first).iter().zip(image.row(tap.second));
             for (out, (&a, &b)) in blended.iter_mut().zip(pair) {
                 *out = lerp(f32::from(a), f32::from(b), tap.share);
@@ -136,7 +136,7 @@ mod tests {
         for (fit, size) in [(Fit::Stretch, (48, 39)), (Fit::Pad, (64, 30))] {
             let image = ramp(40, 30);
             let view = View::new(&spec(fit), (40, 30), size);
-            let input = to_input(&image, &view, &spec(fit));
+            let input = to_input(&image, &view, 0, &spec(fit));
             let plane = to_plane(&input[..size.0 * size.1], size, &view, (40, 30));
             // At the border the nearest pixel is repeated, so look inside.
             for y in 2..28 {
@@ -177,7 +177,7 @@ mod tests {
         let view = View::new(&spec(Fit::Pad), (8, 8), (12, 8));
         let planar = spec(Fit::Pad);
         let packed = NetworkSpec { layout: Layout::Nhwc, channels: ChannelOrder::Bgr, ..planar.clone() };
-        let (a, b) = (to_input(&image, &view, &planar), to_input(&image, &view, &packed));
+        let (a, b) = (to_input(&image, &view, 0, &planar), to_input(&image, &view, 0, &packed));
         assert!(a[8].abs() < 1e-9);
         for i in 0..96 {
             assert!((a[i] - b[3 * i]).abs() < 1e-9);

@@ -3,6 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::rows::STRIDE;
 use crate::vision::Class;
 
 /// Order of an input's or output's axes.
@@ -80,6 +81,11 @@ pub struct NetworkSpec {
     pub fit: Fit,
     /// What makes probabilities out of the output.
     pub activation: Activation,
+    /// Share of the input's rows, from the top, that it is run without, for
+    /// its classes hardly ever show there: lines lie below the horizon. Where
+    /// what it finds reaches that edge it is run on the whole image, so that
+    /// nothing is lost but time. 0 for always.
+    pub skip_top: f64,
     /// How far the output lies to the right of and below what it shows,
     /// pixels of the input: some networks learn the misalignment of the labels
     /// that they were trained with.
@@ -129,6 +135,7 @@ impl Default for NetworkSpec {
             std: [1.0; 3],
             fit: Fit::default(),
             activation: Activation::default(),
+            skip_top: 0.0,
             shift_px: [0.0; 2],
             classes: ClassChannels::default(),
         }
@@ -142,6 +149,13 @@ impl NetworkSpec {
         ((self.scale / std) as f32, (-mean / std) as f32)
     }
 
+    /// How many of the input's rows it is run on: those below `skip_top`, and
+    /// above them as many as make a multiple of [`STRIDE`].
+    pub(super) fn rows(&self, height: usize) -> usize {
+        let wanted = height as f64 * (1.0 - self.skip_top);
+        height.min((wanted.round() as usize).next_multiple_of(STRIDE))
+    }
+
     /// What is wrong with it by itself, in words.
     pub(super) fn contradiction(&self) -> Option<String> {
         let usable = |v: &f64| v.is_finite() && *v > 0.0;
@@ -150,6 +164,9 @@ impl NetworkSpec {
             || !self.mean.iter().chain(&self.shift_px).all(|v| v.is_finite())
         {
             return Some("`scale` and `std` must be positive numbers, `mean` and `shift_px` finite".into());
+        }
+        if !(0.0..1.0).contains(&self.skip_top) {
+            return Some("`skip_top` must be at least 0 and below 1".into());
         }
         if Class::ALL.iter().all(|&class| self.classes.of(class).is_empty()) {
             return Some("`classes` names no output channel for any of pole, sign, light and lane".into());
@@ -171,9 +188,12 @@ impl NetworkSpec {
             }),
             // TwinLiteNet on BDD100K, its lane head only. Against the paint at
             // 2,000 places of KITTI images its masks lie 0.6 pixels too low,
-            // by as much near and far, stretched and padded.
+            // by as much near and far, stretched and padded. The horizon of a
+            // camera that looks ahead is in the middle; a sixth of the image
+            // above it is for slopes and for cameras that look down.
             ("lane_probability", [1, 1, _, _]) => Some(Self {
                 shift_px: [0.0, 0.6],
+                skip_top: 1.0 / 3.0,
                 classes: ClassChannels { lane: vec![0], ..ClassChannels::default() },
                 ..Self::default()
             }),

@@ -81,16 +81,6 @@ fn a_described_network_runs_on_an_image_of_another_size() {
 }
 
 #[test]
-fn activations_make_probabilities_of_logits() {
-    let scores = Scores { values: vec![1.0, 2.0, 0.0], channels: 3, size: (1, 1), strides: (1, 1) };
-    let softmax = scores.probabilities(&[1], Activation::Softmax).unwrap()[0];
-    assert!((softmax - 2_f32.exp() / (1_f32.exp() + 2_f32.exp() + 1.0)).abs() < 1e-6);
-    let sigmoid = scores.probabilities(&[2], Activation::Sigmoid).unwrap()[0];
-    assert!((sigmoid - 0.5).abs() < 1e-6);
-    assert!(scores.probabilities(&[3], Activation::None).unwrap_err().contains("channel 3"));
-}
-
-#[test]
 fn a_softmax_at_the_end_is_the_same_whatever_is_behind_it() {
     let folder = Folder::new();
     let path = folder.0.path().join("tiny.onnx");
@@ -108,6 +98,65 @@ fn a_softmax_at_the_end_is_the_same_whatever_is_behind_it() {
     assert_eq!(run(&behind), [163, 141]);
     // Over columns 1 / 8.
     assert_eq!(run(&[node("Softmax", Some(3), "image", "out")]), [32, 32]);
+}
+
+/// A network of 8 columns and 64 rows whose values pass through this shape
+/// and back, in which its size is fixed.
+fn fixed_network(inner: &[u64]) -> Vec<u8> {
+    let shape = |name: &str, sizes: &[u64]| {
+        let raw: Vec<u8> = sizes.iter().flat_map(|size| size.to_le_bytes()).collect();
+        message(
+            5,
+            &[number(1, sizes.len() as u8), number(2, 7), message(8, name.as_bytes()), message(9, &raw)].concat(),
+        )
+    };
+    let reshape = |input: &str, shape: &str, output: &str| {
+        let ends = [message(1, input.as_bytes()), message(1, shape.as_bytes()), message(2, output.as_bytes())].concat();
+        message(1, &[ends, message(3, output.as_bytes()), message(4, b"Reshape")].concat())
+    };
+    let size = [1, 3, 64, 8];
+    let graph = [
+        reshape("image", "there", "flat"),
+        reshape("flat", "back", "again"),
+        message(1, &node("Sigmoid", None, "again", "out")),
+        message(2, b"fixed"),
+        shape("there", inner),
+        shape("back", &size.map(u64::from)),
+        message(11, &value("image", size)),
+        message(12, &value("out", size)),
+    ]
+    .concat();
+    [number(1, 8), message(7, &graph), message(8, &number(2, 17))].concat()
+}
+
+#[test]
+fn rows_that_hold_nothing_are_left_out_until_something_reaches_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("fixed.onnx");
+    let load = |inner: &[u64], skip_top: &str| {
+        std::fs::write(&path, fixed_network(inner)).unwrap();
+        let toml = format!("mean = [0.5, 0.5, 0.5]\n{skip_top}\n[classes]\nlane = [1]\n");
+        std::fs::write(path.with_extension("toml"), toml).unwrap();
+        Network::load(&path, Runtime::default())
+    };
+    // Dark with one bright row: sigmoid(-0.5) = 0.378 and sigmoid(0.5) = 0.622.
+    let rows = |network: &Network, bright: usize| {
+        let grey = |i: usize| if i / 8 == bright { 255 } else { 0 };
+        let image = RgbImage::new(8, (0..8 * 64).flat_map(|i| [grey(i); 3]).collect()).unwrap();
+        let mut maps = ProbabilityMaps::zeros(8, 64);
+        network.run(&image, &mut maps).unwrap();
+        [0, 31, 32, bright].map(|row| maps.plane(Class::Lane).data()[8 * row + 3])
+    };
+    let planes = [1, 3, 512];
+    assert_eq!(rows(&load(&planes, "").unwrap(), 50), [96, 96, 96, 159]);
+    let lower = load(&planes, "skip_top = 0.5").unwrap();
+    assert_eq!(rows(&lower, 50), [0, 0, 96, 159]);
+    assert_eq!(rows(&lower, 33), [96, 96, 96, 159]);
+    let error = load(&[1, 3, 64, 8], "skip_top = 1.0").err().unwrap().to_string();
+    assert!(error.contains("`skip_top` must be at least 0 and below 1"), "{error}");
+    // Here its size is in numbers that are no extent of its planes.
+    let error = load(&[1, 6, 256], "skip_top = 0.5").err().unwrap().to_string();
+    assert!(error.contains("it does not run with `skip_top`") && error.contains("fixed.toml"), "{error}");
 }
 
 #[test]

@@ -118,6 +118,8 @@ pub struct RoadConfig {
     pub around_m: f64,
     /// Fastest vehicle, m/s.
     pub fastest_m_s: f64,
+    /// The same in reverse, m/s.
+    pub fastest_back_m_s: f64,
     /// Hardest braking, m/s^2, with what the speeds are off by: a speed that no
     /// vehicle gets to from the last is none.
     pub hardest_m_s2: f64,
@@ -220,6 +222,7 @@ impl Default for RoadConfig {
             pixel_m: 0.04,
             around_m: 0.5,
             fastest_m_s: 45.0,
+            fastest_back_m_s: 3.0,
             hardest_m_s2: 20.0,
             least_shared: 0.3,
             least_correlation: 0.3,

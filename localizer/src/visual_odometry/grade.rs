@@ -41,7 +41,7 @@ impl Grade {
     pub fn stretch(&mut self, shift: &Shift, height_m: f64, config: &RoadConfig) -> f64 {
         let Some([far, near]) = shift.halves else { return 1.0 };
         let of_sag = |ahead_m: f64| 1.5 * ahead_m * ahead_m / height_m;
-        let way_m = shift.forward_m.max(config.pixel_m);
+        let way_m = shift.forward_m.abs().max(config.pixel_m).copysign(shift.forward_m);
         let slope = of_sag(far.ahead_m) - of_sag(near.ahead_m);
         let noise = 2.0 * (config.half_sigma_m / way_m).powi(2);
         let expected = slope * slope * self.variance + noise;

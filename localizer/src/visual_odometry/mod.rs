@@ -27,6 +27,9 @@ use crate::odometry::Odometry;
 use crate::pace::Pace;
 use crate::vision::Plane;
 
+/// Depth of the nearest point that one who goes back is asked for, metres: the
+/// road behind the lower edge of the image.
+const NEAR_M: f64 = 3.0;
 /// Depth at which a point above the horizon is looked for, metres.
 const FAR_M: f64 = 30.0;
 /// Speeds that are tried while none is known are so far apart, m/s: by how much
@@ -175,13 +178,13 @@ impl VisualOdometer {
         let expected = Motion::new(&Parameters::from_column_slice(&[pitch, yaw, roll, 0.0, -self.pitch_rad]));
         let tracks = self.follower.follow(&self.camera, |point| {
             let of_road = (point.y + self.pitch_rad) / self.camera_height_m;
-            expected.at(point, (way_m * of_road.max(FAR_M.recip())).min(0.5))
+            expected.at(point, (way_m * of_road.max(FAR_M.recip())).clamp(-0.5, 0.5))
         });
         // A camera ahead of the axle moves to the side that it turns to.
-        let step_m = way_m.max(LEAST_WAY_M);
+        let step_m = least_way_m(way_m);
         let aside = (config.lever_m * yaw / step_m).clamp(-0.3, 0.3);
         let [pitch_sigma, yaw_sigma, roll_sigma] = config.turn_sigma_rad;
-        let bump = config.bump_sigma_m_s * dt_s / step_m;
+        let bump = config.bump_sigma_m_s * dt_s / step_m.abs();
         let belief = Belief {
             mean: Parameters::from_column_slice(&[0.0, yaw, 0.0, aside, -self.pitch_rad]),
             sigma: Parameters::from_column_slice(&[
@@ -191,9 +194,27 @@ impl VisualOdometer {
                 config.aside_sigma_rad,
                 config.pitch_sigma_rad.hypot(bump),
             ]),
+            farthest: 0.0,
         };
-        let (parameters, agree) = fit(&tracks, &belief, config.sigma_px / self.camera.fx_px)?;
-        (agree >= config.fewest && 2 * agree >= tracks.len()).then_some((parameters, agree))
+        // Back only where they do not go forward: a point that may be anywhere tells less.
+        let back = (self.most_back_m(dt_s) / NEAR_M).min(0.5);
+        let ways = if back > 0.0 { &[0.0, back][..] } else { &[0.0] };
+        let sigma = config.sigma_px / self.camera.fx_px;
+        for &farthest in ways {
+            let (parameters, agree) = fit(&tracks, &Belief { farthest, ..belief }, sigma)?;
+            if agree >= config.fewest && 2 * agree >= tracks.len() {
+                return Some((parameters, agree));
+            }
+        }
+        None
+    }
+
+    /// How far it can have gone back in this time, metres: not at all where it
+    /// went forward faster than it brakes.
+    fn most_back_m(&self, dt_s: f64) -> f64 {
+        let road = &self.config.road;
+        let most_m_s = self.speed_m_s.map_or(f64::INFINITY, |speed_m_s| road.hardest_m_s2 * dt_s - speed_m_s);
+        most_m_s.clamp(0.0, road.fastest_back_m_s) * dt_s
     }
 
     /// How far it went since `before`.
@@ -201,9 +222,9 @@ impl VisualOdometer {
         let (image, _) = self.before.as_ref().filter(|_| self.sees_road)?;
         let config = &self.config.road;
         let after_from_before = Motion::new(parameters).after_from_before;
-        let most_m = config.fastest_m_s * dt_s;
+        let ways_m = [-self.most_back_m(dt_s), config.fastest_m_s * dt_s];
         let shift = |speed_m_s: f64| {
-            let bend_per_m = parameters[YAW] / (speed_m_s * dt_s).max(LEAST_WAY_M);
+            let bend_per_m = parameters[YAW] / least_way_m(speed_m_s * dt_s);
             let road = Road {
                 height_m: self.camera_height_m,
                 rise: self.pitch_now_rad(parameters, speed_m_s),
@@ -214,7 +235,7 @@ impl VisualOdometer {
             view(before, &Rotation3::identity()).shift_to(
                 &view(image, &after_from_before),
                 parameters[ASIDE],
-                most_m,
+                ways_m,
                 config,
             )
         };
@@ -261,6 +282,11 @@ impl VisualOdometer {
         let share = (dt_s / self.config.rotation.pitch_memory_s.max(dt_s)).max(self.pitch_images.max(1.0).recip());
         self.pitch_rad += trust * share * (-parameters[DOWN] - self.pitch_rad);
     }
+}
+
+/// The way as one that has a direction.
+fn least_way_m(way_m: f64) -> f64 {
+    way_m.abs().max(LEAST_WAY_M).copysign(way_m)
 }
 
 #[cfg(test)]

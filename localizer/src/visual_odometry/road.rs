@@ -101,46 +101,55 @@ impl View {
         Self { columns, rows, data: normalised(&seen, columns, count(config.around_m)) }
     }
 
-    /// The shift from this view to that of the image after, of up to `most_m`;
-    /// `aside` to the right for each metre forward.
-    pub fn shift_to(&self, after: &Self, aside: f64, most_m: f64, config: &RoadConfig) -> Option<Shift> {
+    /// The shift from this view to that of the image after, from `least_m` to
+    /// `most_m`, back where it is negative; `aside` to the right for each metre
+    /// forward.
+    pub fn shift_to(
+        &self,
+        after: &Self,
+        aside: f64,
+        [least_m, most_m]: [f64; 2],
+        config: &RoadConfig,
+    ) -> Option<Shift> {
         // Half of the view has to be in both.
-        let most = ((most_m / config.pixel_m) as usize).min(self.rows / 2);
+        let half = self.rows.cast_signed() / 2;
+        let [least, most] = [least_m, most_m].map(|way_m| ((way_m / config.pixel_m) as isize).clamp(-half, half));
         let seen = self.data.iter().filter(|grey| **grey != 0.0).count() as f64;
         let score = |rows| {
-            let (correlation, shared) = self.correlation(after, rows, aside, rows..self.rows);
+            let (correlation, shared) = self.correlation(after, rows, aside, self.shared_rows(rows));
             if f64::from(shared) < config.least_shared * seen { 0.0 } else { correlation }
         };
-        let scores: Vec<f64> = (0..=most).map(score).collect();
+        let scores: Vec<f64> = (least..=most).map(score).collect();
         let best = (0..scores.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b]))?;
         let peak = (config.peak_m / config.pixel_m) as usize;
         let others = scores.iter().enumerate().filter(|(i, _)| i.abs_diff(best) > peak);
         let second = others.map(|(_, score)| *score).fold(0.0, f64::max);
-        let correlation = scores[best];
+        let (correlation, rows) = (scores[best], least + best.cast_signed());
         Some(Shift {
-            forward_m: (best as f64 + vertex(&scores, best)) * config.pixel_m,
+            forward_m: (rows as f64 + vertex(&scores, best)) * config.pixel_m,
             correlation,
             lead: correlation - second,
-            halves: self.halves_to(after, aside, best, config),
+            halves: self.halves_to(after, aside, rows, config),
         })
     }
 
     /// The shifts of the far and of the near half, close to that of both.
-    fn halves_to(&self, after: &Self, aside: f64, rows: usize, config: &RoadConfig) -> Option<[Half; 2]> {
-        let peak = (config.peak_m / config.pixel_m) as usize;
-        let shifts = rows.saturating_sub(peak)..=(rows + peak).min(self.rows / 2);
+    fn halves_to(&self, after: &Self, aside: f64, rows: isize, config: &RoadConfig) -> Option<[Half; 2]> {
+        let (peak, most) = ((config.peak_m / config.pixel_m) as isize, self.rows.cast_signed() / 2);
+        let shifts = (rows - peak).max(-most)..=(rows + peak).min(most);
         let half = |is_near: bool| {
             let part = |rows| {
-                let middle = usize::midpoint(rows, self.rows);
-                if is_near { middle..self.rows } else { rows..middle }
+                let Range { start, end } = self.shared_rows(rows);
+                let middle = usize::midpoint(start, end);
+                if is_near { middle..end } else { start..middle }
             };
             let scores: Vec<f64> =
                 shifts.clone().map(|rows| self.correlation(after, rows, aside, part(rows)).0).collect();
             let best = (0..scores.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b]))?;
             let is_peak = best > 0 && best + 1 < scores.len() && scores[best] >= config.least_correlation;
-            let rows = shifts.start() + best;
+            let rows = shifts.start() + best.cast_signed();
             // A row of the other view, and half the way back from it.
-            let middle = 0.5 * (part(rows).start + part(rows).end - rows) as f64;
+            let middle = 0.5 * ((part(rows).start + part(rows).end) as f64 - rows as f64);
             is_peak.then(|| Half {
                 ahead_m: config.ahead_m[1] - middle * config.pixel_m,
                 forward_m: (rows as f64 + vertex(&scores, best)) * config.pixel_m,
@@ -149,10 +158,17 @@ impl View {
         Some([half(false)?, half(true)?])
     }
 
+    /// The rows of the other view in which there is what this one shows so many
+    /// rows farther off.
+    fn shared_rows(&self, rows: isize) -> Range<usize> {
+        let (nearer, farther) = (rows.max(0).unsigned_abs(), rows.min(0).unsigned_abs());
+        nearer.min(self.rows)..self.rows.saturating_sub(farther)
+    }
+
     /// The correlation where what is in a row of this view is so many rows
     /// nearer in the other, of the same size, and how many pixels are in both;
-    /// in some rows of the other, the first no farther than that shift.
-    fn correlation(&self, after: &Self, rows: usize, aside: f64, of_after: Range<usize>) -> (f64, u32) {
+    /// in some of the rows that they share, rows of the other.
+    fn correlation(&self, after: &Self, rows: isize, aside: f64, of_after: Range<usize>) -> (f64, u32) {
         let columns = (aside * rows as f64).round() as isize;
         let (mut product, mut square, mut square_after, mut shared_pixels) = (0.0, 0.0, 0.0, 0);
         let shared = self.columns.saturating_sub(columns.unsigned_abs());
@@ -161,7 +177,7 @@ impl View {
         }
         let (from, from_after) = (columns.max(0) as usize, (-columns).max(0) as usize);
         for y in of_after {
-            let row = &self.data[(y - rows) * self.columns..][from..][..shared];
+            let row = &self.data[y.saturating_add_signed(-rows) * self.columns..][from..][..shared];
             let row_after = &after.data[y * self.columns..][from_after..][..shared];
             let (mut sum, mut sum_square, mut sum_square_after, mut count) = (0.0_f32, 0.0_f32, 0.0_f32, 0);
             for (&a, &b) in row.iter().zip(row_after) {
@@ -257,7 +273,7 @@ mod tests {
         let config = RoadConfig::default();
         let image = GrayImage::from_fn(300, 100, |u, v| image::Luma([(u * 37 % 101 + v * 53 % 97) as u8]));
         let seen = view(&image, &config);
-        let shift = seen.shift_to(&seen, 0.0, 4.0, &config).unwrap();
+        let shift = seen.shift_to(&seen, 0.0, [-1.0, 4.0], &config).unwrap();
         assert!(shift.forward_m.abs() < 1e-6 && (shift.correlation - 1.0).abs() < 1e-3, "{shift:?}");
         assert_eq!(seen.correlation(&seen, 10, 1e3, 10..seen.rows), (0.0, 0));
         assert_eq!(seen.correlation(&seen, 10, -1e3, 10..seen.rows), (0.0, 0));

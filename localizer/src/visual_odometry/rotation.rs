@@ -3,9 +3,10 @@
 //! A point of unknown depth lies on the ray of its direction `r`, so it is seen
 //! again at `R^T (r - d m)`, `R` and `m` the rotation and the displacement of the
 //! camera in its axes before, `d` its inverse depth: on a segment of the epipolar
-//! line, from `d = 0`, infinitely far, to the nearest that is believed. A point
-//! is off by its distance from there, so a vehicle that stands, whose segments
-//! have no length, is no special case.
+//! line, from `d = 0`, infinitely far, to the nearest that is believed; on the
+//! other side of it where the vehicle goes back. A point is off by its distance
+//! from there, so a vehicle that stands, whose segments have no length, is no
+//! special case.
 
 use nalgebra::{Point2, Rotation3, SMatrix, SVector, Vector2, Vector3};
 
@@ -46,6 +47,9 @@ pub(super) struct Track {
 pub(super) struct Belief {
     pub mean: Parameters,
     pub sigma: Parameters,
+    /// By which share of its depth a point goes farther off at most: 0 where the
+    /// vehicle cannot go back.
+    pub farthest: f64,
 }
 
 /// A camera that moves: one set of parameters.
@@ -71,11 +75,11 @@ impl Motion {
         (seen.z > 1e-3).then(|| Point2::new(seen.x / seen.z, seen.y / seen.z))
     }
 
-    fn off(&self, track: &Track) -> Option<Vector2<f64>> {
+    fn off(&self, track: &Track, farthest: f64) -> Option<Vector2<f64>> {
         let far = self.at(&track.before, 0.0)?;
         let along = self.at(&track.before, NEAREST)? - far;
         let seen = track.after - far;
-        let share = (along.dot(&seen) / along.norm_squared().max(1e-12)).clamp(0.0, 1.0);
+        let share = (along.dot(&seen) / along.norm_squared().max(1e-12)).clamp(-farthest / NEAREST, 1.0);
         Some(seen - along * share)
     }
 }
@@ -95,7 +99,8 @@ pub(super) fn fit(tracks: &[Track], belief: &Belief, sigma: f64) -> Option<(Para
         }
     }
     let motion = Motion::new(&parameters);
-    let agree = tracks.iter().filter(|t| motion.off(t).is_some_and(|off| off.norm() < AGREES * sigma)).count();
+    let agree =
+        tracks.iter().filter(|t| motion.off(t, belief.farthest).is_some_and(|off| off.norm() < AGREES * sigma)).count();
     parameters.iter().all(|p| p.is_finite()).then_some((parameters, agree))
 }
 
@@ -117,11 +122,11 @@ fn linearised(
     let mut normal = Normal::from_diagonal(&precision);
     let mut gradient = precision.component_mul(&(parameters - belief.mean));
     for track in tracks {
-        let Some(off) = motion.off(track) else { continue };
+        let Some(off) = motion.off(track, belief.farthest) else { continue };
         let weight = (sigma * (1.0 + off.norm_squared() / (kernel * kernel))).powi(-2);
         let mut slope = SMatrix::<f64, 2, PARAMETERS>::zeros();
         for (i, stepped) in moved.iter().enumerate() {
-            if let Some(there) = stepped.off(track) {
+            if let Some(there) = stepped.off(track, belief.farthest) {
                 slope.set_column(i, &((there - off) / STEP));
             }
         }
@@ -149,7 +154,7 @@ mod tests {
 
     fn belief() -> Belief {
         let sigma = Parameters::from_column_slice(&[0.02, 0.03, 0.02, 0.03, 0.02]);
-        Belief { mean: Parameters::zeros(), sigma }
+        Belief { mean: Parameters::zeros(), sigma, farthest: 0.0 }
     }
 
     proptest! {

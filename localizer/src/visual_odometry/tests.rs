@@ -86,6 +86,27 @@ fn speed_and_turn_are_read_from_the_images() {
 }
 
 #[test]
+fn who_goes_back_has_a_negative_speed_from_the_first_image_and_after_a_stop() {
+    for yaw_rate_rad_s in [0.0, -0.1] {
+        let last = drive(-2.5, yaw_rate_rad_s, 0.0).last().copied().flatten().unwrap();
+        assert!((last.speed_m_s.unwrap() + 2.5).abs() < 0.1, "{last:?}");
+        assert!((last.yaw_rate_rad_s + yaw_rate_rad_s).abs() < 0.01, "{last:?}");
+    }
+    // From 2 m/s forward to 2.5 m/s back in 1.5 s.
+    let mut odometer = odometer(&VisualOdometryConfig::default());
+    let way_m = |t: f64| 2.0 * t - 1.5 * t * t;
+    for i in 0..16 {
+        let t = 0.1 * f64::from(i);
+        let step = odometer.step(&image(way_m(t), 0.05 * t, 0.0), t);
+        if i > 1 {
+            let (speed_m_s, truth_m_s) = (step.unwrap().speed_m_s.unwrap(), (way_m(t) - way_m(t - 0.1)) / 0.1);
+            // Half a pixel of the view at worst, where the shift is less than one.
+            assert!((speed_m_s - truth_m_s).abs() < 0.2, "at {t} s: {speed_m_s}, not {truth_m_s}");
+        }
+    }
+}
+
+#[test]
 fn masks_tell_the_turn_and_no_speed() {
     let mut odometer = VisualOdometer::of_labels(
         &camera(),

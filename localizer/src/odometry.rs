@@ -17,6 +17,9 @@ pub struct OdometryConfig {
     /// Standard deviation of the speed over one frame, m/s: quantisation,
     /// slip, and the camera's own swaying against the axle.
     pub speed_sigma_m_s: f64,
+    /// The same of a vehicle that stands: it neither slips nor sways, but wheels
+    /// do not tell creeping.
+    pub standing_sigma_m_s: f64,
     /// Standard deviation of the scale of all speeds (share): tyres wear and
     /// are inflated to within 2 %.
     pub scale_sigma: f64,
@@ -35,11 +38,23 @@ impl Default for OdometryConfig {
     fn default() -> Self {
         Self {
             speed_sigma_m_s: 0.1,
+            standing_sigma_m_s: 0.05,
             scale_sigma: 0.02,
             yaw_rate_sigma_rad_s: 0.01,
             yaw_bias_sigma_rad_s: 0.01,
             drift_per_minute: 0.1,
         }
+    }
+}
+
+/// Speed from which a vehicle sways as much as it ever does, m/s.
+const SWAYING_M_S: f64 = 1.0;
+
+impl OdometryConfig {
+    /// Standard deviation of a speed, m/s.
+    pub fn sigma_of(&self, speed_m_s: f64) -> f64 {
+        let share = (speed_m_s.abs() / SWAYING_M_S).min(1.0);
+        self.standing_sigma_m_s + share * (self.speed_sigma_m_s - self.standing_sigma_m_s)
     }
 }
 
@@ -156,6 +171,15 @@ mod tests {
         let path = folder.path().join("odometry.csv");
         std::fs::write(&path, text).unwrap();
         OdometryLog::read(&path)
+    }
+
+    #[test]
+    fn the_slower_the_better_a_speed_is_known() {
+        let config = OdometryConfig::default();
+        let sigmas = [0.0, -0.2, 0.6, -1.0, 30.0].map(|speed_m_s| config.sigma_of(speed_m_s));
+        assert!(sigmas.is_sorted() && sigmas[1] > sigmas[0] && sigmas[2] > sigmas[1], "{sigmas:?}");
+        assert!((sigmas[0] - config.standing_sigma_m_s).abs() < 1e-12, "{sigmas:?}");
+        assert!((sigmas[4] - config.speed_sigma_m_s).abs() < 1e-12, "{sigmas:?}");
     }
 
     #[test]

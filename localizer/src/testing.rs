@@ -2,7 +2,7 @@
 //! features that a camera would give along it, with noise, false ones and
 //! misses.
 
-use common::geometry::{PinholeCamera, Pose, PoseParameters, retract};
+use common::geometry::{PinholeCamera, Pose, PoseParameters, local, retract};
 use common::map::{LaneKind, LaneLine, Pole, PoleKind, Road, RoadId, SemanticMap, Sign, SignKind};
 use nalgebra::{Point2, Point3, Vector2, Vector3, Vector6};
 use rand::{RngExt, SeedableRng};
@@ -11,6 +11,7 @@ use rand_pcg::Pcg64;
 
 use crate::features::{Features, LaneFeature, LineFeature, PointFeature};
 use crate::local_map::{LocalMap, RoadKey};
+use crate::odometry::Odometry;
 use crate::projection::{ImageSize, NEAR_M, View};
 
 /// Size of the made-up images.
@@ -217,6 +218,13 @@ impl World {
             .collect();
         let camera = crate::projection::tests::camera();
         Self { camera, map, truth, exact, recipe }
+    }
+
+    /// What good wheels and a good gyroscope say of the motion up to a frame.
+    pub fn odometry(&self, frame: usize) -> Odometry {
+        let before = frame.checked_sub(1).map_or(&self.truth[0], |before| &self.truth[before]);
+        let moved = local(before, &self.truth[frame]) / DT_S;
+        Odometry { speed_m_s: Some(moved[2]), yaw_rate_rad_s: -moved[4] }
     }
 
     /// What the camera sees in a frame.

@@ -38,7 +38,7 @@ impl State {
             row[FORWARD] = 1.0 + state.wheel_scale;
             row[SCALE] = state.velocity[2];
             let expected_m_s = state.velocity[2] * (1.0 + state.wheel_scale);
-            surprise += state.absorb(&row, shown_m_s - expected_m_s, config.speed_sigma_m_s);
+            surprise += state.absorb(&row, shown_m_s - expected_m_s, config.sigma_of(shown_m_s));
         }
         let mut row = VectorN::zeros();
         row[YAW_RATE] = -1.0;

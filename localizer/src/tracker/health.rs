@@ -51,7 +51,9 @@ pub struct HealthConfig {
     /// whatever was not seen: with a house before half of the landmarks the
     /// rest still holds.
     pub min_worth: f64,
-    /// Frames in a row that do not hold it after which it is lost.
+    /// Frames in a row that do not hold it after which it is lost; where wheels or
+    /// images tell how far it went, those alone in which something that should be
+    /// seen is not.
     pub lost_after_frames: usize,
     /// Least standard deviation of the region searched then, metres.
     pub search_sigma_m: f64,

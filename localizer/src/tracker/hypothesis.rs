@@ -44,6 +44,8 @@ pub struct Hypothesis {
     pub led_frames: usize,
     /// Frames in a row whose matches did not hold it.
     pub weak_frames: usize,
+    /// Wheels or images say how far it went.
+    is_carried: bool,
     /// The speed is not known yet.
     pub speed_is_unknown: bool,
     /// Support of the last frame, nats.
@@ -114,6 +116,7 @@ impl Hypothesis {
             age_frames: 0,
             led_frames: 0,
             weak_frames: 0,
+            is_carried: false,
             speed_is_unknown: false,
             support: 0.0,
             evidence: 0.0,
@@ -184,6 +187,7 @@ impl Hypothesis {
         if !self.speed_is_unknown || dt_s <= 0.0 || is_told {
             self.speed_is_unknown &= !is_told;
             self.state = self.state.driven(dt_s, odometry, &config.motion, &config.odometry);
+            self.is_carried = is_told;
             out.push(self);
             return;
         }
@@ -248,6 +252,12 @@ impl Hypothesis {
         }
     }
 
+    /// A frame did not hold it: that says nothing against who knows how far it
+    /// went and was expected to see nothing.
+    fn weaken(&mut self) {
+        self.weak_frames += usize::from(!self.is_carried || self.support < 0.0);
+    }
+
     /// Lets a frame pass that shows nothing, or nothing new: the prediction stands.
     pub fn see_nothing(&mut self, is_black: bool) {
         self.correspondences.clear();
@@ -255,7 +265,9 @@ impl Hypothesis {
         (self.support, self.evidence, self.mean_square, self.rms_px) = (0.0, 0.0, 0.0, 0.0);
         (self.iterations, self.converged) = (0, false);
         self.weigh();
-        self.weak_frames += usize::from(is_black);
+        if is_black {
+            self.weaken();
+        }
     }
 
     /// Associates and localizes in the scene, and weighs the result. Matches
@@ -286,14 +298,17 @@ impl Hypothesis {
             self.support = refined.support - refined.worth;
             self.evidence = self.support - unlikely;
             self.weigh();
-            self.weak_frames += 1;
+            self.weaken();
             return (refined.matches > 0).then_some(refined);
         }
         self.take(&refined, refined.prior_cost + unlikely);
         self.interval = self.knows_its_speed().then(|| Interval::new(&self.state, &refined));
         self.state.update(&refined.map_from_camera, &refined.covariance);
-        let held = refined.worth >= config.health.min_worth;
-        self.weak_frames = if held { 0 } else { self.weak_frames + 1 };
+        if refined.worth >= config.health.min_worth {
+            self.weak_frames = 0;
+        } else {
+            self.weaken();
+        }
         self.separation = associator.balance.separation(
             &associator.matcher.matches,
             &View::new(scene.camera, &refined.map_from_camera),

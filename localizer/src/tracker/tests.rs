@@ -16,11 +16,14 @@ struct Mishap<'a> {
     shows: &'a dyn Fn(usize) -> usize,
     /// By how much its time is off, seconds.
     late_s: &'a dyn Fn(usize) -> f64,
+    /// Wheels and a gyroscope tell the motion.
+    has_wheels: bool,
     /// Done to the tracker before a frame.
     before: &'a dyn Fn(usize, &mut Tracker<'_>),
 }
 
-const NONE: Mishap<'_> = Mishap { is_black: &|_| false, shows: &|frame| frame, late_s: &|_| 0.0, before: &|_, _| () };
+const NONE: Mishap<'_> =
+    Mishap { is_black: &|_| false, shows: &|frame| frame, late_s: &|_| 0.0, has_wheels: false, before: &|_, _| () };
 
 struct Run {
     errors_m: Vec<f64>,
@@ -60,7 +63,8 @@ fn run_with(config: &Config, world: &World, gps: &GpsConfig, seed: u64, mishap: 
         let shown = (mishap.shows)(frame).min(world.truth.len() - 1);
         let features = if (mishap.is_black)(frame) { Features::default() } else { world.features(shown) };
         let time_s = time_s(frame) + (mishap.late_s)(frame);
-        let input = FrameInput { time_s, features: &features, gps: fixes.get(frame), odometry: None };
+        let odometry = mishap.has_wheels.then(|| world.odometry(frame));
+        let input = FrameInput { time_s, features: &features, gps: fixes.get(frame), odometry };
         let estimate = tracker.step(&input).unwrap().unwrap();
         let off = local(&world.truth[shown], &estimate.map_from_camera);
         run.errors_m.push(off.fixed_rows::<3>(0).norm());

@@ -21,8 +21,8 @@ pub struct VisualOdometryConfig {
     /// How well the motion is known in the end. Its scale is that of the assumed
     /// height of the camera; its errors last for some frames, as the grades of
     /// roads and the pitching that cause them do: held against the worlds and
-    /// KITTI 04, 0.15 to 0.3 m/s and 0.001 to 0.003 rad/s, and so taken as twice
-    /// as much.
+    /// KITTI 04, 0.15 to 0.3 m/s (0.08 where it stands) and 0.001 to 0.003 rad/s,
+    /// and so taken as twice as much.
     pub accuracy: OdometryConfig,
 }
 
@@ -156,6 +156,7 @@ impl Default for VisualOdometryConfig {
     fn default() -> Self {
         let accuracy = OdometryConfig {
             speed_sigma_m_s: 0.5,
+            standing_sigma_m_s: 0.15,
             scale_sigma: 0.05,
             yaw_rate_sigma_rad_s: 0.01,
             yaw_bias_sigma_rad_s: 0.001,

@@ -51,6 +51,20 @@ fn a_camera_that_shows_the_same_from_then_on_gets_lost() {
 }
 
 #[test]
+fn who_knows_how_far_it_went_is_not_lost_where_there_is_nothing_to_see() {
+    let world = World::new(street());
+    let dark = 50..75;
+    let lost = |has_wheels: bool| {
+        let mishap = Mishap { is_black: &|frame| dark.contains(&frame), has_wheels, ..NONE };
+        let run = run(&world, &GpsConfig::default(), 1, &mishap);
+        assert!(dark.clone().all(|frame| run.statuses[frame] != Status::Ok) && run.lies() == 0);
+        dark.clone().filter(|&frame| run.statuses[frame] == Status::Lost).count()
+    };
+    assert_eq!(lost(true), 0);
+    assert!(lost(false) > 10, "{}", lost(false));
+}
+
+#[test]
 fn what_is_found_after_a_long_dark_is_not_trusted_for_what_was_before() {
     let world = World::new(street());
     let dark = 50..75;

@@ -143,7 +143,10 @@ impl<'a> Tracker<'a> {
     fn predict(&mut self, dt_s: f64, odometry: Option<&Odometry>) {
         std::mem::swap(&mut self.bank, &mut self.spare);
         self.bank.clear();
-        for hypothesis in self.spare.drain(..) {
+        let told = self.config.bank.told(self.spare.iter().map(|hypothesis| hypothesis.evidence));
+        let best = self.spare.first().map_or((0.0, 0.0), |best| (best.past_weight, best.evidence));
+        for mut hypothesis in self.spare.drain(..) {
+            hypothesis.carry(best, told, &self.config.bank);
             hypothesis.predict(dt_s, odometry, &self.config, &mut self.bank);
         }
         self.time_variance_s2 = self.clock.variance_s2();

@@ -25,6 +25,11 @@ pub struct BankConfig {
     /// Share of a handicap that is carried to the next frame: 0.95 halves it
     /// within 13 frames.
     pub handicap_memory: f64,
+    /// By how much a frame must tell the hypotheses apart for it to take the
+    /// place of those before, nats. One that fits all of them as well, a stretch
+    /// with nothing but a line along the road, says nothing of which is right, and
+    /// what was known of that stays.
+    pub telling: f64,
     /// Less evidence than the best by this much is refuted, nats.
     pub prune_margin: f64,
     /// What a hypothesis that was not tracked pays, nats: 5 says that one pose
@@ -82,6 +87,7 @@ impl Default for BankConfig {
             young_frames: 10,
             memory: 0.8,
             handicap_memory: 0.95,
+            telling: 1.0,
             prune_margin: 30.0,
             newcomer_cost: 5.0,
             trust_memory_s: 3.0,
@@ -103,6 +109,16 @@ impl Default for BankConfig {
 }
 
 impl BankConfig {
+    /// How much a frame tells the hypotheses apart, by what it says for each,
+    /// nats: from 0, nothing, to 1, as where there is but one.
+    pub fn told(&self, evidences: impl ExactSizeIterator<Item = f64>) -> f64 {
+        if evidences.len() < 2 {
+            return 1.0;
+        }
+        let (least, most) = evidences.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), e| (a.min(e), b.max(e)));
+        ((most - least) / self.telling.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
+    }
+
     /// How many hypotheses of this age may be kept.
     pub fn capacity(&self, age_frames: usize) -> usize {
         if age_frames < self.young_frames { self.young_capacity } else { self.capacity }

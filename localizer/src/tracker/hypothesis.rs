@@ -176,11 +176,21 @@ impl Hypothesis {
         !self.speed_is_unknown && !(-bank.max_reverse_m_s..=bank.max_speed_m_s).contains(&speed_m_s)
     }
 
+    /// Carries what speaks for it to the next frame. Of what sets it apart from the
+    /// `best`, past and last evidence, the last frame takes the place of as much as
+    /// it `told` (see [`BankConfig::told`]).
+    pub fn carry(&mut self, best: (f64, f64), told: f64, bank: &BankConfig) {
+        let renewed = |past: f64, last: f64| (past + last) * bank.memory;
+        let (past, last) = best;
+        let ahead = self.past_weight - past;
+        let ahead = ahead + told * (renewed(ahead, self.evidence - last) - ahead);
+        self.past_weight = renewed(past, last) + ahead;
+        self.handicap *= bank.handicap_memory.powf(told);
+    }
+
     /// Moves on by `dt_s` into `out`: once, or once for each speed while the
     /// speed is unknown. Wheels, where there are any, say how fast it is.
     pub fn predict(mut self, dt_s: f64, odometry: Option<&Odometry>, config: &Config, out: &mut Vec<Self>) {
-        self.past_weight = (self.past_weight + self.evidence) * config.bank.memory;
-        self.handicap *= config.bank.handicap_memory;
         self.age_frames += 1;
         self.interval = None;
         let is_told = odometry.is_some_and(|shown| shown.speed_m_s.is_some());

@@ -24,6 +24,35 @@ fn where_two_may_be_right_their_mean_is_said_with_their_spread() {
 }
 
 #[test]
+fn a_frame_that_fits_all_as_well_leaves_what_was_known_of_them() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let best = followed(&world, &mut map).bank.remove(0);
+    let bank = BankConfig::default();
+    // The lead of one hypothesis over another in 20 frames that say so much for each.
+    let lead = |evidence: f64, other_evidence: f64| {
+        let [mut best, mut other] = [best.clone(), best.clone()];
+        (best.past_weight, other.past_weight, other.handicap) = (0.0, -6.0, 5.0);
+        for _ in 0..20 {
+            (best.evidence, other.evidence) = (evidence, other_evidence);
+            let told = bank.told([evidence, other_evidence].into_iter());
+            let of_best = (best.past_weight, best.evidence);
+            best.carry(of_best, told, &bank);
+            other.carry(of_best, told, &bank);
+        }
+        (best.past_weight - other.past_weight, other.handicap)
+    };
+    let (kept, handicap) = lead(7.0, 7.0);
+    assert!((kept - 6.0).abs() < 1e-9 && (handicap - 5.0).abs() < 1e-9, "{kept} {handicap}");
+    // What tells them apart counts for about five frames, whatever was before.
+    let (won, handicap) = lead(6.0, 8.0);
+    let lasting = 2.0 * bank.memory / (1.0 - bank.memory);
+    assert!((won + lasting).abs() < 0.2 && handicap < 2.0, "{won} {handicap}");
+    // One alone goes on as ever.
+    assert!((bank.told([3.0].into_iter()) - 1.0).abs() < 1e-12);
+}
+
+#[test]
 fn who_was_just_trusted_is_not_lost() {
     let world = World::new(street());
     let mut map = LocalMap::whole(world.map.clone());

@@ -197,7 +197,7 @@ impl<'a> Tracker<'a> {
         if self.sight.shows_nothing() {
             // A black image says nothing, least of all for empty places.
             let is_black = self.sight.features.is_empty();
-            self.bank.iter_mut().for_each(|hypothesis| hypothesis.see_nothing(is_black));
+            self.bank.iter_mut().for_each(|hypothesis| hypothesis.see_nothing(is_black, &self.config.health));
             return Ok(());
         }
         let scene = self.sight.scene(&self.config);

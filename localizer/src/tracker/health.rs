@@ -52,9 +52,12 @@ pub struct HealthConfig {
     /// rest still holds.
     pub min_worth: f64,
     /// Frames in a row that do not hold it after which it is lost; where wheels or
-    /// images tell how far it went, those alone in which something that should be
-    /// seen is not.
+    /// images tell how far it went, those alone that speak against it.
     pub lost_after_frames: usize,
+    /// A frame speaks against it if what should be seen and is not costs more than
+    /// this, nats: one landmark may be hidden for as long as the vehicle stands, 3
+    /// is 95 %.
+    pub most_missed: f64,
     /// Least standard deviation of the region searched then, metres.
     pub search_sigma_m: f64,
     /// Largest standard deviation of the region searched then, metres.
@@ -81,6 +84,7 @@ impl Default for HealthConfig {
             max_contradiction_sigmas: 3.0,
             min_worth: 6.0,
             lost_after_frames: 8,
+            most_missed: 3.0,
             search_sigma_m: 1.5,
             max_search_sigma_m: 30.0,
             search_sigma_rad: 0.03,

@@ -5,6 +5,7 @@ use nalgebra::{Cholesky, Point3};
 
 use super::bank::BankConfig;
 use super::clock::Interval;
+use super::health::HealthConfig;
 use super::region::Region;
 use crate::associate::matching::Scene;
 use crate::associate::robust::{Associator, Question, Refined};
@@ -263,20 +264,20 @@ impl Hypothesis {
     }
 
     /// A frame did not hold it: that says nothing against who knows how far it
-    /// went and was expected to see nothing.
-    fn weaken(&mut self) {
-        self.weak_frames += usize::from(!self.is_carried || self.support < 0.0);
+    /// went and misses little that should be seen.
+    fn weaken(&mut self, health: &HealthConfig) {
+        self.weak_frames += usize::from(!self.is_carried || -self.support > health.most_missed);
     }
 
     /// Lets a frame pass that shows nothing, or nothing new: the prediction stands.
-    pub fn see_nothing(&mut self, is_black: bool) {
+    pub fn see_nothing(&mut self, is_black: bool, health: &HealthConfig) {
         self.correspondences.clear();
         self.separation = Separation::default();
         (self.support, self.evidence, self.mean_square, self.rms_px) = (0.0, 0.0, 0.0, 0.0);
         (self.iterations, self.converged) = (0, false);
         self.weigh();
         if is_black {
-            self.weaken();
+            self.weaken(health);
         }
     }
 
@@ -308,7 +309,7 @@ impl Hypothesis {
             self.support = refined.support - refined.worth;
             self.evidence = self.support - unlikely;
             self.weigh();
-            self.weaken();
+            self.weaken(&config.health);
             return (refined.matches > 0).then_some(refined);
         }
         self.take(&refined, refined.prior_cost + unlikely);
@@ -317,7 +318,7 @@ impl Hypothesis {
         if refined.worth >= config.health.min_worth {
             self.weak_frames = 0;
         } else {
-            self.weaken();
+            self.weaken(&config.health);
         }
         self.separation = associator.balance.separation(
             &associator.matcher.matches,

@@ -1,7 +1,9 @@
 use common::geometry::{Pose, Tangent, local, retract};
 use common::map::SemanticMap;
+use nalgebra::Point2;
 
 use super::*;
+use crate::features::LineFeature;
 use crate::gps::{GpsConfig, simulate};
 use crate::testing::{IMAGE, Recipe, World, time_s};
 
@@ -12,6 +14,8 @@ mod trust;
 struct Mishap<'a> {
     /// No features in these frames.
     is_black: &'a dyn Fn(usize) -> bool,
+    /// All landmarks are hidden in these frames, and something else is seen.
+    is_hidden: &'a dyn Fn(usize) -> bool,
     /// The image of another frame than it says.
     shows: &'a dyn Fn(usize) -> usize,
     /// By how much its time is off, seconds.
@@ -22,8 +26,14 @@ struct Mishap<'a> {
     before: &'a dyn Fn(usize, &mut Tracker<'_>),
 }
 
-const NONE: Mishap<'_> =
-    Mishap { is_black: &|_| false, shows: &|frame| frame, late_s: &|_| 0.0, has_wheels: false, before: &|_, _| () };
+const NONE: Mishap<'_> = Mishap {
+    is_black: &|_| false,
+    is_hidden: &|_| false,
+    shows: &|frame| frame,
+    late_s: &|_| 0.0,
+    has_wheels: false,
+    before: &|_, _| (),
+};
 
 struct Run {
     errors_m: Vec<f64>,
@@ -61,7 +71,11 @@ fn run_with(config: &Config, world: &World, gps: &GpsConfig, seed: u64, mishap: 
     for frame in 0..world.truth.len() {
         (mishap.before)(frame, &mut tracker);
         let shown = (mishap.shows)(frame).min(world.truth.len() - 1);
-        let features = if (mishap.is_black)(frame) { Features::default() } else { world.features(shown) };
+        let mut features = if (mishap.is_black)(frame) { Features::default() } else { world.features(shown) };
+        if (mishap.is_hidden)(frame) {
+            let poles = features.poles.first().map(|pole| LineFeature { upper_px: Point2::new(20.0, 10.0), ..*pole });
+            features = Features { poles: poles.into_iter().collect(), ..Features::default() };
+        }
         let time_s = time_s(frame) + (mishap.late_s)(frame);
         let odometry = mishap.has_wheels.then(|| world.odometry(frame));
         let input = FrameInput { time_s, features: &features, gps: fixes.get(frame), odometry };

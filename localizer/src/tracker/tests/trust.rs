@@ -54,14 +54,19 @@ fn a_camera_that_shows_the_same_from_then_on_gets_lost() {
 fn who_knows_how_far_it_went_is_not_lost_where_there_is_nothing_to_see() {
     let world = World::new(street());
     let dark = 50..75;
-    let lost = |has_wheels: bool| {
-        let mishap = Mishap { is_black: &|frame| dark.contains(&frame), has_wheels, ..NONE };
+    let lost = |has_wheels: bool, is_black: bool| {
+        let is_dark = |frame: usize| dark.contains(&frame);
+        let [is_black, is_hidden] = [is_black, !is_black].map(|this| move |frame: usize| this && is_dark(frame));
+        let mishap = Mishap { is_black: &is_black, is_hidden: &is_hidden, has_wheels, ..NONE };
         let run = run(&world, &GpsConfig::default(), 1, &mishap);
         assert!(dark.clone().all(|frame| run.statuses[frame] != Status::Ok) && run.lies() == 0);
         dark.clone().filter(|&frame| run.statuses[frame] == Status::Lost).count()
     };
-    assert_eq!(lost(true), 0);
-    assert!(lost(false) > 10, "{}", lost(false));
+    assert_eq!(lost(true, true), 0);
+    // Without wheels, and where much should be seen that is not.
+    for lost in [lost(false, true), lost(true, false)] {
+        assert!(lost >= 8, "{lost}");
+    }
 }
 
 #[test]

@@ -31,8 +31,7 @@ pub(super) fn cut(model: &[u8], size: (usize, usize), rows: usize) -> Option<Vec
 fn open(end: &mut ValueInfoProto) {
     let tensor = end.r#type.as_mut().and_then(|kind| kind.tensor_type.as_mut());
     let Some(shape) = tensor.and_then(|tensor| tensor.shape.as_mut()) else { return };
-    // Of batch and channels, which come first or last, none is as large as
-    // what is cut.
+    // Where there are as many channels, nobody asks the cut model for them.
     for axis in shape.dim.iter_mut().filter(|axis| axis.dim_value.is_some_and(|size| size >= STRIDE as i64)) {
         axis.dim_value = None;
     }
@@ -82,8 +81,10 @@ fn reshape(shape: &mut TensorProto, size: (usize, usize), rows: usize) {
         if let Some([_, _, fewer]) = planes.iter().find(|plane| plane[1] == sizes[at] && Some(plane[0]) == next) {
             sizes[at] = *fewer;
             at += 1;
-        } else if let Some([width, _, fewer]) = planes.iter().find(|plane| plane[0] * plane[1] == sizes[at]) {
-            sizes[at] = fewer * width;
+        } else if let Some([width, _, fewer]) =
+            planes.iter().find(|plane| plane[0].saturating_mul(plane[1]) == sizes[at])
+        {
+            sizes[at] = fewer.saturating_mul(*width);
         }
         at += 1;
     }

@@ -4,6 +4,10 @@
 use super::spec::{Layout, NetworkSpec};
 use crate::vision::Class;
 
+/// Largest width and height of an input, pixels: twice those of any camera, and
+/// what memory holds.
+const LARGEST_PX: usize = 16384;
+
 /// The inputs and outputs of a network: name and shape (0 where open).
 pub(super) struct Signature {
     pub(super) inputs: Vec<(String, Vec<usize>)>,
@@ -67,6 +71,9 @@ fn size_of(key: &str, described: usize, stated: usize) -> Result<usize, String> 
         (0, 0) => Err(format!("the network leaves its {key} open and the description gives no `{key}`")),
         (described, stated) if described != 0 && stated != 0 && described != stated => {
             Err(format!("the network's {key} is {stated} and the description says {described}"))
+        }
+        (described, stated) if described.max(stated) > LARGEST_PX => {
+            Err(format!("a {key} of {} pixels is more than the {LARGEST_PX} that are taken", described.max(stated)))
         }
         (described, stated) => Ok(described.max(stated)),
     }

@@ -176,6 +176,7 @@ fn each_contradiction_has_its_sentence() {
         ("[classes]\n", "names no output channel"),
         (&format!("width = 9\n{lane}"), "the network's width is 8 and the description says 9"),
         (&format!("input = \"x\"\n{lane}"), "it has no input `x`"),
+        (&format!("skip_top = -0.1\n{lane}"), "`skip_top` must be at least 0 and below 1"),
         (&format!("layout = \"nhwc\"\n{lane}"), "8 channels where 1 of 3 is needed"),
         (&format!("std = [1.0, 0.0, 1.0]\n{lane}"), "must be positive"),
         (&format!("heigth = 4\n{lane}"), "did you mean `height`"),
@@ -185,6 +186,14 @@ fn each_contradiction_has_its_sentence() {
         let error = Folder::new().refusal(toml);
         assert!(error.contains(part), "{toml}: {error}");
     }
+}
+
+#[test]
+fn an_input_that_no_memory_holds_is_refused() {
+    let open = Folder::new();
+    let error = open.network("scores", [1, 3, 0, 0], Some("width = 64\nheight = 900000\n[classes]\nlane = [0]\n"));
+    let error = error.err().unwrap().to_string();
+    assert!(error.contains("a height of 900000 pixels is more than the 16384 that are taken"), "{error}");
 }
 
 #[test]

@@ -35,6 +35,8 @@ pub enum Step {
     Innovation,
     /// Evidence counts over several frames.
     Memory,
+    /// Evidence fades as frames tell hypotheses apart, not by the frame.
+    Telling,
     /// The start leaves several poses for the next frames to choose from.
     Starts,
     /// After a loss the search goes along the roads.
@@ -92,6 +94,8 @@ pub enum Step {
     Contradiction,
     /// Ok needs some frames of tracking.
     Verified,
+    /// Who is told how far it went is not lost for seeing nothing.
+    Carried,
 }
 
 /// No distance, angle or evidence reaches this.
@@ -118,6 +122,7 @@ impl Step {
             Self::Astray => config.bank.most_astray = 0.0,
             Self::Innovation => config.bank.max_innovation = NEVER,
             Self::Memory => config.bank.memory = 0.0,
+            Self::Telling => config.bank.telling = 0.0,
             Self::Starts => config.start.kept = 1,
             Self::RoadSearch => config.start.grid_sigma_m = NEVER,
             Self::Height => config.start.height_frames = NEVER,
@@ -164,6 +169,7 @@ impl Step {
             Self::Support => config.health.min_support = -NEVER,
             Self::Contradiction => config.health.max_contradiction_sigmas = NEVER,
             Self::Verified => config.health.verify_frames = 0,
+            Self::Carried => config.health.most_missed = -NEVER,
         }
         trial
     }

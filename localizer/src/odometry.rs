@@ -9,6 +9,8 @@ use crate::{Error, Result};
 
 /// Gaps up to this are rounding of the times in the files, seconds.
 const ROUNDING_S: f64 = 1e-3;
+/// Speed from which a vehicle sways as much as it ever does, m/s.
+const SWAYING_M_S: f64 = 1.0;
 
 /// How well the motion is known.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -47,11 +49,9 @@ impl Default for OdometryConfig {
     }
 }
 
-/// Speed from which a vehicle sways as much as it ever does, m/s.
-const SWAYING_M_S: f64 = 1.0;
-
 impl OdometryConfig {
-    /// Standard deviation of a speed, m/s.
+    /// Standard deviation of a speed over one frame, m/s: from that of who stands to
+    /// that of who drives.
     pub fn sigma_of(&self, speed_m_s: f64) -> f64 {
         let share = (speed_m_s.abs() / SWAYING_M_S).min(1.0);
         self.standing_sigma_m_s + share * (self.speed_sigma_m_s - self.standing_sigma_m_s)

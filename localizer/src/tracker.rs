@@ -144,7 +144,7 @@ impl<'a> Tracker<'a> {
         std::mem::swap(&mut self.bank, &mut self.spare);
         self.bank.clear();
         let told = self.config.bank.told(self.spare.iter().map(|hypothesis| hypothesis.evidence));
-        let best = self.spare.first().map_or((0.0, 0.0), |best| (best.past_weight, best.evidence));
+        let best = self.spare.first().map_or((0.0, 0.0), Hypothesis::spoken);
         for mut hypothesis in self.spare.drain(..) {
             hypothesis.carry(best, told, &self.config.bank);
             hypothesis.predict(dt_s, odometry, &self.config, &mut self.bank);

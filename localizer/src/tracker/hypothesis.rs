@@ -177,12 +177,16 @@ impl Hypothesis {
         !self.speed_is_unknown && !(-bank.max_reverse_m_s..=bank.max_speed_m_s).contains(&speed_m_s)
     }
 
-    /// Carries what speaks for it to the next frame. Of what sets it apart from the
-    /// `best`, past and last evidence, the last frame takes the place of as much as
+    /// What speaks for it: in the frames before the last, and in the last, nats.
+    pub fn spoken(&self) -> (f64, f64) {
+        (self.past_weight, self.evidence)
+    }
+
+    /// Carries what speaks for it to the next frame. Of what sets it apart from what
+    /// is [`Self::spoken`] for the best, the last frame takes the place of as much as
     /// it `told` (see [`BankConfig::told`]).
-    pub fn carry(&mut self, best: (f64, f64), told: f64, bank: &BankConfig) {
+    pub fn carry(&mut self, (past, last): (f64, f64), told: f64, bank: &BankConfig) {
         let renewed = |past: f64, last: f64| (past + last) * bank.memory;
-        let (past, last) = best;
         let ahead = self.past_weight - past;
         let ahead = ahead + told * (renewed(ahead, self.evidence - last) - ahead);
         self.past_weight = renewed(past, last) + ahead;

@@ -118,7 +118,8 @@ pub struct RoadConfig {
     pub around_m: f64,
     /// Fastest vehicle, m/s.
     pub fastest_m_s: f64,
-    /// The same in reverse, m/s.
+    /// The same in reverse, m/s: as [`crate::tracker::BankConfig::max_reverse_m_s`],
+    /// for the tracker refuses what is faster.
     pub fastest_back_m_s: f64,
     /// Hardest braking, m/s^2, with what the speeds are off by: a speed that no
     /// vehicle gets to from the last is none.

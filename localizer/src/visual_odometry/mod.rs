@@ -27,9 +27,12 @@ use crate::odometry::Odometry;
 use crate::pace::Pace;
 use crate::vision::Plane;
 
-/// Depth of the nearest point that one who goes back is asked for, metres: the
-/// road behind the lower edge of the image.
+/// Nearest depth of a point when a vehicle goes back, metres: nearer, the road is
+/// below the image.
 const NEAR_M: f64 = 3.0;
+/// Share of its depth by which a point comes nearer or goes farther off at most,
+/// as far as it is looked for.
+const MOST_SHARE: f64 = 0.5;
 /// Depth at which a point above the horizon is looked for, metres.
 const FAR_M: f64 = 30.0;
 /// Speeds that are tried while none is known are so far apart, m/s: by how much
@@ -178,7 +181,7 @@ impl VisualOdometer {
         let expected = Motion::new(&Parameters::from_column_slice(&[pitch, yaw, roll, 0.0, -self.pitch_rad]));
         let tracks = self.follower.follow(&self.camera, |point| {
             let of_road = (point.y + self.pitch_rad) / self.camera_height_m;
-            expected.at(point, (way_m * of_road.max(FAR_M.recip())).clamp(-0.5, 0.5))
+            expected.at(point, (way_m * of_road.max(FAR_M.recip())).clamp(-MOST_SHARE, MOST_SHARE))
         });
         // A camera ahead of the axle moves to the side that it turns to.
         let step_m = least_way_m(way_m);
@@ -196,8 +199,8 @@ impl VisualOdometer {
             ]),
             farthest: 0.0,
         };
-        // Back only where they do not go forward: a point that may be anywhere tells less.
-        let back = (self.most_back_m(dt_s) / NEAR_M).min(0.5);
+        // Back only where the points do not go forward: one that may do both tells less.
+        let back = (self.most_back_m(dt_s) / NEAR_M).min(MOST_SHARE);
         let ways = if back > 0.0 { &[0.0, back][..] } else { &[0.0] };
         let sigma = config.sigma_px / self.camera.fx_px;
         for &farthest in ways {

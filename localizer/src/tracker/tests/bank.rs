@@ -36,7 +36,7 @@ fn a_frame_that_fits_all_as_well_leaves_what_was_known_of_them() {
         for _ in 0..20 {
             (best.evidence, other.evidence) = (evidence, other_evidence);
             let told = bank.told([evidence, other_evidence].into_iter());
-            let of_best = (best.past_weight, best.evidence);
+            let of_best = best.spoken();
             best.carry(of_best, told, &bank);
             other.carry(of_best, told, &bank);
         }

@@ -31,7 +31,7 @@ pub(super) fn cut(model: &[u8], size: (usize, usize), rows: usize) -> Option<Vec
 fn open(end: &mut ValueInfoProto) {
     let tensor = end.r#type.as_mut().and_then(|kind| kind.tensor_type.as_mut());
     let Some(shape) = tensor.and_then(|tensor| tensor.shape.as_mut()) else { return };
-    // Where there are as many channels, nobody asks the cut model for them.
+    // As many channels are left open, too: they are known from the whole model.
     for axis in shape.dim.iter_mut().filter(|axis| axis.dim_value.is_some_and(|size| size >= STRIDE as i64)) {
         axis.dim_value = None;
     }

@@ -4,8 +4,8 @@
 use super::spec::{Layout, NetworkSpec};
 use crate::vision::Class;
 
-/// Largest width and height of an input, pixels: twice those of any camera, and
-/// what memory holds.
+/// Largest width and height of an input, pixels: several times those of vehicle
+/// cameras. What is more takes all memory.
 const LARGEST_PX: usize = 16384;
 
 /// The inputs and outputs of a network: name and shape (0 where open).

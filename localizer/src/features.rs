@@ -11,6 +11,8 @@ use nalgebra::{Point2, Vector2};
 pub struct Features {
     /// Centre lines of poles.
     pub poles: Vec<LineFeature>,
+    /// Centre lines of trunks; none where nothing tells of vegetation.
+    pub trunks: Option<Vec<LineFeature>>,
     /// Lane lines.
     pub lanes: Vec<LaneFeature>,
     /// Signs and lights.

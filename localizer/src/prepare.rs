@@ -2,6 +2,7 @@
 //! their directions, lane curves as a few local tangents. Done once a frame.
 
 use common::geometry::ImageLine;
+use common::map::PoleKind;
 use nalgebra::{Point2, Vector2};
 
 use crate::features::{Features, LaneFeature, LineFeature, MarkEdge, PointFeature};
@@ -22,8 +23,10 @@ pub fn log_odds(probability: f64) -> f64 {
 /// A pole feature.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PreparedPole {
-    /// Index into `Features::poles`.
+    /// Index into `Features::poles`, or beyond these into `Features::trunks`.
     pub index: usize,
+    /// It is seen as a trunk.
+    pub is_trunk: bool,
     /// Its line.
     pub line: ImageLine,
     /// Unit vector from the upper to the lower end.
@@ -50,13 +53,14 @@ pub struct PreparedPole {
 }
 
 impl PreparedPole {
-    fn new(index: usize, feature: &LineFeature) -> Option<Self> {
+    fn new(index: usize, feature: &LineFeature, is_trunk: bool) -> Option<Self> {
         let line = feature.line()?;
         let down = (feature.lower_px - feature.upper_px).try_normalize(1e-9)?;
         let length_px = feature.length_px();
         let own_px = feature.offset_sigma_px + feature.angle_sigma_rad * length_px;
         Some(Self {
             index,
+            is_trunk,
             line,
             down,
             upper_px: feature.upper_px,
@@ -69,6 +73,12 @@ impl PreparedPole {
             upper_is_cut: feature.upper_is_cut,
             log_odds: log_odds(feature.probability),
         })
+    }
+
+    /// Whether it may be a pole of this kind.
+    #[inline]
+    pub fn may_be(&self, kind: PoleKind) -> bool {
+        self.is_trunk == (kind == PoleKind::Trunk)
     }
 
     /// Variance of the line's place, `along_px` below the upper end, px^2.
@@ -210,8 +220,10 @@ fn tangent(points: &[Point2<f64>]) -> Option<(Point2<f64>, Vector2<f64>, f64)> {
 /// All features of a frame. Buffers are reused.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Prepared {
-    /// Poles that have a direction.
+    /// Poles and trunks that have a direction.
     pub poles: Vec<PreparedPole>,
+    /// How many of them are trunks; none where nothing tells of trunks.
+    pub trunks: Option<usize>,
     /// Lane lines that have a direction.
     pub lanes: Vec<PreparedLane>,
     /// Ends of the marks of all lane lines.
@@ -229,8 +241,13 @@ impl Prepared {
         self.edges.clear();
         self.signs.clear();
         let finite = |p: &Point2<f64>| p.x.is_finite() && p.y.is_finite();
-        let poles = features.poles.iter().enumerate().filter(|(_, f)| finite(&f.upper_px) && finite(&f.lower_px));
-        self.poles.extend(poles.filter_map(|(i, f)| PreparedPole::new(i, f)));
+        let poles = features.poles.iter().map(|pole| (pole, false));
+        let trunks = features.trunks.iter().flatten().map(|trunk| (trunk, true));
+        let upright = poles.chain(trunks).enumerate();
+        let upright = upright.filter(|(_, (f, _))| finite(&f.upper_px) && finite(&f.lower_px));
+        self.poles.extend(upright.filter_map(|(i, (f, is_trunk))| PreparedPole::new(i, f, is_trunk)));
+        let trunks = self.poles.iter().filter(|pole| pole.is_trunk).count();
+        self.trunks = features.trunks.as_ref().map(|_| trunks);
         let lanes = features.lanes.iter().enumerate().filter(|(_, f)| f.points_px.iter().all(finite));
         for (index, feature) in lanes {
             let Some(mut lane) = PreparedLane::new(index, feature) else { continue };
@@ -241,6 +258,12 @@ impl Prepared {
         }
         let signs = features.signs.iter().copied().enumerate();
         self.signs.extend(signs.filter(|(_, f)| !f.is_cut && finite(&f.centre_px)));
+    }
+
+    /// Whether the image would show a pole of this kind.
+    #[inline]
+    pub fn tells_of(&self, kind: PoleKind) -> bool {
+        kind != PoleKind::Trunk || self.trunks.is_some()
     }
 
     /// Number of features.

@@ -25,7 +25,7 @@ pub struct PreselectConfig {
     /// straight line; polylines carry further, until a lane line is as wide as
     /// a pixel and hidden behind traffic.
     pub lane_far_m: f64,
-    /// Use tree trunks, which only some networks report as poles.
+    /// Use tree trunks, where something tells of vegetation.
     pub use_trunks: bool,
     /// Lines of sight are looked at where the position is known to this,
     /// metres; beyond it none is called blocked.
@@ -39,7 +39,7 @@ impl Default for PreselectConfig {
             max_distance_m: 100.0,
             lane_near_m: 5.0,
             lane_far_m: 30.0,
-            use_trunks: false,
+            use_trunks: true,
             sight_reach_m: 15.0,
         }
     }
@@ -354,11 +354,10 @@ mod tests {
 
     #[test]
     fn what_is_behind_beside_too_small_or_a_trunk_is_left_out() {
-        let found = select(&NONE, &PreselectConfig::default());
+        let found = select(&NONE, &PreselectConfig { use_trunks: false, ..PreselectConfig::default() });
         assert_eq!(found.poles.iter().map(|p| p.index).collect::<Vec<_>>(), [0]);
         assert_eq!(found.signs.len(), 1);
-        let trunks = PreselectConfig { use_trunks: true, ..PreselectConfig::default() };
-        assert_eq!(select(&NONE, &trunks).poles.len(), 2);
+        assert_eq!(select(&NONE, &PreselectConfig::default()).poles.len(), 2);
     }
 
     #[test]

@@ -72,6 +72,8 @@ pub enum Step {
     Sight,
     /// How sure the network was of a pole counts.
     Odds,
+    /// Trunks are found in vegetation.
+    Trunks,
     /// One bus may hide any number of landmarks.
     Blocked,
     /// The robust loss.
@@ -155,6 +157,7 @@ impl Step {
             Self::Range => (config.detection.range_m, config.detection.low_range_m) = (NEVER, NEVER),
             Self::Sight => config.detection.open_m = NEVER,
             Self::Odds => config.detection.odds.most = 0.0,
+            Self::Trunks => config.preselect.use_trunks = false,
             Self::Blocked => config.detection.blocked = 0.0,
             Self::Loss => config.solver.loss = Loss::Quadratic,
             Self::Rounds => config.robust.max_rounds = 1,

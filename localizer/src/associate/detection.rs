@@ -25,7 +25,8 @@ pub struct DetectionConfig {
     pub sign_post: f64,
     /// As above for delineators and bollards: low, so soon hidden.
     pub delineator: f64,
-    /// As above for tree trunks: few networks call them poles.
+    /// As above for tree trunks, where vegetation is told: many stand before
+    /// hedges and other trees.
     pub trunk: f64,
     /// As above for traffic signs.
     pub traffic_sign: f64,
@@ -76,7 +77,7 @@ impl Default for DetectionConfig {
             lamp_post: 0.85,
             sign_post: 0.75,
             delineator: 0.7,
-            trunk: 0.2,
+            trunk: 0.3,
             traffic_sign: 0.8,
             traffic_light: 0.7,
             solid_lane: 0.7,
@@ -153,10 +154,12 @@ impl DetectionConfig {
     /// Densities of false features in the space of two residuals (per px^2).
     /// The more the image is full of, the less one match says.
     pub fn clutter(&self, features: &Prepared, image: ImageSize) -> Clutter {
+        let trunks = features.trunks.unwrap_or(0);
         let count = |n: usize| (n as f64 * self.clutter_share).max(1.0);
         Clutter {
             // Along a pole the second residual spreads with its length.
-            pole_per_px: count(features.poles.len()) / image.width_px,
+            pole_per_px: count(features.poles.len() - trunks) / image.width_px,
+            trunk_per_px: count(trunks) / image.width_px,
             pole_spread_rad: self.pole_spread_rad,
             lane_per_px2: count(features.lanes.len()) / (image.width_px * image.width_px * self.lane_spread_of_width),
             sign_per_px2: count(features.signs.len()) / (image.width_px * image.height_px * self.sign_band_of_height),
@@ -168,16 +171,18 @@ impl DetectionConfig {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clutter {
     pole_per_px: f64,
+    trunk_per_px: f64,
     pole_spread_rad: f64,
     lane_per_px2: f64,
     sign_per_px2: f64,
 }
 
 impl Clutter {
-    /// Of poles this long in the image, per px^2.
-    pub fn poles_per_px2(&self, length_px: f64) -> f64 {
+    /// Of poles of a kind and this long in the image, per px^2.
+    pub fn poles_per_px2(&self, kind: PoleKind, length_px: f64) -> f64 {
+        let per_px = if kind == PoleKind::Trunk { self.trunk_per_px } else { self.pole_per_px };
         // Even the shortest pair of ends is free by some pixels.
-        self.pole_per_px / (self.pole_spread_rad * length_px).max(4.0)
+        per_px / (self.pole_spread_rad * length_px).max(4.0)
     }
 
     /// Of lane lines, per px^2.

@@ -23,8 +23,8 @@ pub struct OddsConfig {
     /// Nats for each nat of the log odds that a lamp or sign post has beyond the
     /// usual ones.
     pub pole_slope: f64,
-    /// The same for delineators and trunks: networks are as little sure of them
-    /// as of what is none.
+    /// The same for delineators: networks are as little sure of them as of what
+    /// is none. Of trunks, which are told by another class, nothing is said.
     pub low_pole_slope: f64,
     /// Most that it says either way, nats.
     pub most: f64,
@@ -66,7 +66,7 @@ impl UsualOdds {
 
     /// Takes in what a frame shows.
     pub fn learn(&mut self, features: &Prepared) {
-        for pole in &features.poles {
+        for pole in features.poles.iter().filter(|pole| !pole.is_trunk) {
             self.features = (self.features + 1.0).min(self.config.memory_features.max(1.0));
             self.mean += (pole.log_odds - self.mean) / self.features;
         }
@@ -77,7 +77,8 @@ impl UsualOdds {
     pub fn of_pole(&self, kind: PoleKind, log_odds: f64) -> f64 {
         let slope = match kind {
             PoleKind::LampPost | PoleKind::SignPost => self.config.pole_slope,
-            PoleKind::Delineator | PoleKind::Trunk => self.config.low_pole_slope,
+            PoleKind::Delineator => self.config.low_pole_slope,
+            PoleKind::Trunk => 0.0,
         };
         let most = self.config.most.max(0.0);
         (slope * (log_odds - self.mean)).clamp(-most, most)

@@ -183,8 +183,9 @@ fn close_pairs(scene: &PaperScene<'_>, view: &View, gates: Gates) -> Vec<Vec<Pai
         pairs.sort_by(|a, b| a.distance_px.total_cmp(&b.distance_px));
         pairs
     };
-    for feature in &scene.features.poles {
-        let pairs = scene.candidates.poles.iter().filter_map(|pole| {
+    for feature in scene.features.poles.iter().filter(|feature| !feature.is_trunk) {
+        let posts = scene.candidates.poles.iter().filter(|pole| feature.may_be(pole.kind));
+        let pairs = posts.filter_map(|pole| {
             let pairing = PoleImage::new(view, pole)?.pair(feature, scene.noise, focal_px, gates.pole)?.into();
             let distance_px = distance_px(view, &pairing).filter(|d| *d < gates.pole)?;
             Some(Pair { landmark: LandmarkId::Pole(pole.index), feature: feature.index, pairing, distance_px })

@@ -3,6 +3,7 @@
 //! pairs of ends: it only says which cells are worth the full matching.
 
 use common::geometry::Pose;
+use common::map::PoleKind;
 use nalgebra::{Point2, Vector3, Vector6};
 
 use super::StartConfig;
@@ -13,6 +14,7 @@ use crate::projection::View;
 /// A pole feature, as far as the score needs it.
 #[derive(Debug, Clone, Copy)]
 struct Mark {
+    is_trunk: bool,
     column_px: f64,
     top_px: f64,
     bottom_px: f64,
@@ -143,6 +145,7 @@ impl Field {
     pub fn fill(&mut self, scene: &Scene<'_>) {
         self.poles.clear();
         self.poles.extend(scene.features.poles.iter().map(|pole| Mark {
+            is_trunk: pole.is_trunk,
             column_px: pole.upper_px.x + 0.5 * pole.length_px * pole.down.x,
             top_px: pole.upper_px.y,
             bottom_px: pole.upper_px.y + pole.length_px * pole.down.y,
@@ -181,8 +184,12 @@ impl Field {
         let Look { scene, view, cell, config } = look;
         self.begin(self.poles.len());
         let (camera, focal_px) = (scene.camera, scene.camera.fx_px);
-        let clutter_per_px = self.poles.len().max(1) as f64 / scene.image.width_px;
-        for pole in &scene.candidates.poles {
+        let trunks = scene.features.trunks.unwrap_or(0);
+        let per_px = |count: usize| count.max(1) as f64 / scene.image.width_px;
+        let (trunks_per_px, poles_per_px) = (per_px(trunks), per_px(self.poles.len() - trunks));
+        for pole in scene.candidates.poles.iter().filter(|pole| scene.features.tells_of(pole.kind)) {
+            let is_trunk = pole.kind == PoleKind::Trunk;
+            let clutter_per_px = if is_trunk { trunks_per_px } else { poles_per_px };
             let (foot, top) = (view.to_camera(&pole.foot_map), view.to_camera(&pole.top_map));
             if foot.z.min(top.z) < config.nearest_m {
                 continue;
@@ -209,7 +216,7 @@ impl Field {
                     break;
                 }
                 let (off_px2, variance_px2) = (off_px * off_px, own_px2 + mark.variance_px2);
-                if off_px2 >= NEAR2 * variance_px2 {
+                if off_px2 >= NEAR2 * variance_px2 || mark.is_trunk != is_trunk {
                     continue;
                 }
                 let row_px = row_px2.sqrt();

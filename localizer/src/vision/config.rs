@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 pub struct VisionConfig {
     /// Poles.
     pub poles: PoleConfig,
+    /// Trunks of trees.
+    pub trunks: TrunkConfig,
     /// Signs and lights.
     pub signs: SignConfig,
     /// Lane lines.
@@ -135,6 +137,62 @@ impl Default for PoleConfig {
             mask_sigma_px: 0.3,
             mask_sigma_width_share: 0.1,
             correlation_px: 12.0,
+        }
+    }
+}
+
+/// Columns of the class vegetation to centre lines. What is not here is as of poles.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrunkConfig {
+    /// Probability from which a pixel is vegetation.
+    pub threshold: f64,
+    /// Widest trunk, as a share of the image's width: 0.6 m at 7 m.
+    pub widest_of_width: f64,
+    /// What must be free of vegetation on either side, as a share of the
+    /// width: gaps in a crown are narrower than what is between them.
+    pub free_share: f64,
+    /// Smallest mean over the rows of their largest probability.
+    pub min_probability: f64,
+    /// Shortest trunk, pixels: 2 m at 60 m.
+    pub min_length_px: f64,
+    /// Smallest ratio of length to width: 1.2 m between hedge and fork, 0.6 m
+    /// thick.
+    pub min_aspect: f64,
+    /// Standard deviation of the centre that is common to all rows, pixels.
+    pub mask_sigma_px: f64,
+    /// The same as a share of the width; both add up as variances. Of trunks
+    /// the network finds one side in the shade.
+    pub mask_sigma_width_share: f64,
+}
+
+impl Default for TrunkConfig {
+    fn default() -> Self {
+        Self {
+            threshold: 0.4,
+            widest_of_width: 0.05,
+            free_share: 0.4,
+            min_probability: 0.5,
+            min_length_px: 24.0,
+            min_aspect: 2.0,
+            mask_sigma_px: 1.5,
+            mask_sigma_width_share: 0.1,
+        }
+    }
+}
+
+impl TrunkConfig {
+    /// As settings of poles.
+    pub(super) fn as_poles(&self, poles: &PoleConfig) -> PoleConfig {
+        PoleConfig {
+            threshold: self.threshold,
+            seed: self.min_probability,
+            min_probability: self.min_probability,
+            min_length_px: self.min_length_px,
+            min_aspect: self.min_aspect,
+            mask_sigma_px: self.mask_sigma_px,
+            mask_sigma_width_share: self.mask_sigma_width_share,
+            ..poles.clone()
         }
     }
 }

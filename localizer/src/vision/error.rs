@@ -75,7 +75,7 @@ pub enum Error {
         expected: (usize, usize),
     },
     /// A folder without the map of any class for a frame.
-    #[error("{} holds no probability map of frame {frame:06} (looked for pole, sign, light and lane/{frame:06}.png); give the folder above them, or run with networks", folder.display())]
+    #[error("{} holds no probability map of frame {frame:06} (looked for pole, sign, light, lane and vegetation/{frame:06}.png); give the folder above them, or run with networks", folder.display())]
     NoLabels {
         /// The folder.
         folder: PathBuf,

@@ -1,4 +1,4 @@
-//! Probability maps as files: `FOLDER/{pole,sign,light,lane}/{frame:06}.png`,
+//! Probability maps as files: `FOLDER/CLASS/{frame:06}.png`,
 //! 8-bit grey, `value / 255` the probability, each of the image's size.
 //!
 //! A class without a folder has probability zero everywhere.
@@ -39,7 +39,7 @@ pub fn read(folder: &Path, frame: usize, expected: Option<(usize, usize)>) -> Re
     maps.ok_or_else(|| Error::NoLabels { folder: folder.into(), frame })
 }
 
-/// Writes the maps of a frame, all four classes; folders are created.
+/// Writes the maps of a frame, all classes; folders are created.
 ///
 /// # Errors
 /// [`common::Error::Io`] where a folder cannot be created, and what

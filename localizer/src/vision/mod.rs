@@ -17,6 +17,7 @@ pub mod regions;
 pub mod signs;
 #[cfg(test)]
 mod synthetic;
+pub mod trunks;
 
 pub use config::VisionConfig;
 pub use error::Error;
@@ -34,5 +35,10 @@ pub fn extract(maps: &ProbabilityMaps, grey: Option<&Plane>, config: &VisionConf
     if let Some(grey) = grey {
         lanes::read_marks(&mut lanes, grey, &config.lanes, &config.marks);
     }
-    Features { poles: poles::extract(maps, &config.poles), lanes, signs: signs::extract(maps, &config.signs) }
+    Features {
+        poles: poles::extract(maps, &config.poles),
+        trunks: trunks::extract(maps, &config.trunks, &config.poles),
+        lanes,
+        signs: signs::extract(maps, &config.signs),
+    }
 }

@@ -17,19 +17,22 @@ pub enum Class {
     Light,
     /// Lane lines.
     Lane,
+    /// Trees, hedges and all else that grows, of which trunks are made.
+    Vegetation,
 }
 
 impl Class {
     /// All classes, in the order in which they are stored.
-    pub const ALL: [Self; 4] = [Self::Pole, Self::Sign, Self::Light, Self::Lane];
+    pub const ALL: [Self; 5] = [Self::Pole, Self::Sign, Self::Light, Self::Lane, Self::Vegetation];
 
-    /// Its name in files and folders: `pole`, `sign`, `light`, `lane`.
+    /// Its name in files and folders: `pole`, `sign`, `light`, `lane`, `vegetation`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pole => "pole",
             Self::Sign => "sign",
             Self::Light => "light",
             Self::Lane => "lane",
+            Self::Vegetation => "vegetation",
         }
     }
 }
@@ -91,7 +94,7 @@ impl Plane {
 /// of the image; zeros for a class that nothing tells about.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ProbabilityMaps {
-    planes: [Plane; 4],
+    planes: [Plane; 5],
 }
 
 impl ProbabilityMaps {
@@ -115,11 +118,12 @@ impl ProbabilityMaps {
         &self.planes[class as usize]
     }
 
-    /// The largest of the probabilities of each pixel.
+    /// The largest of the probabilities of each pixel, vegetation aside: what
+    /// grows has no shape that can be followed.
     pub fn largest(&self) -> Plane {
-        let mut largest = self.planes[0].clone();
-        for plane in &self.planes[1..] {
-            for (value, other) in largest.data.iter_mut().zip(&plane.data) {
+        let mut largest = self.plane(Class::Pole).clone();
+        for class in [Class::Sign, Class::Light, Class::Lane] {
+            for (value, other) in largest.data.iter_mut().zip(&self.plane(class).data) {
                 *value = (*value).max(*other);
             }
         }
@@ -153,10 +157,11 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_is_that_of_any_class() {
+    fn the_largest_is_that_of_any_class_but_vegetation() {
         let mut maps = ProbabilityMaps::zeros(3, 1);
         maps.set(Class::Pole, Plane::new(3, vec![9, 0, 3]).unwrap()).unwrap();
         maps.set(Class::Lane, Plane::new(3, vec![4, 7, 3]).unwrap()).unwrap();
+        maps.set(Class::Vegetation, Plane::new(3, vec![99, 99, 99]).unwrap()).unwrap();
         assert_eq!(maps.largest().data(), [9, 7, 3]);
     }
 

@@ -21,19 +21,7 @@ pub(super) fn each(trial: &mut Trial, mut change: impl FnMut(&mut Features)) {
 /// to random places. Lane lines are moved sideways only: they lie on the road.
 pub(super) fn add_false(seen: &mut Features, share: f64, image: ImageSize, random: &mut Pcg64) {
     let ImageSize { width_px, height_px } = image;
-    for _ in 0..wanted(seen.poles.len(), share, random) {
-        let mut copy = seen.poles[random.random_range(0..seen.poles.len())];
-        let half = (copy.lower_px - copy.upper_px) * 0.5;
-        // Wherever it stands, it is seen as a whole, if it fits at all.
-        let within = |size_px: f64, half_px: f64, random: &mut Pcg64| {
-            let slack_px = (0.5 * size_px - half_px.abs()).max(0.0);
-            0.5 * size_px + slack_px * random.random_range(-1.0..1.0)
-        };
-        let to = Point2::new(within(width_px, half.x, random), within(height_px, half.y, random));
-        let by = to - (copy.upper_px + half);
-        move_line(&mut copy, &by);
-        seen.poles.push(copy);
-    }
+    add_false_lines(&mut seen.poles, share, image, random);
     for _ in 0..wanted(seen.lanes.len(), share, random) {
         let mut copy = seen.lanes[random.random_range(0..seen.lanes.len())].clone();
         let middle_px = 0.5 * (copy.line.upper_px.x + copy.line.lower_px.x);
@@ -46,6 +34,24 @@ pub(super) fn add_false(seen: &mut Features, share: f64, image: ImageSize, rando
         let mut copy = seen.signs[random.random_range(0..seen.signs.len())];
         copy.centre_px = Point2::new(random.random_range(0.0..width_px), random.random_range(0.0..height_px));
         seen.signs.push(copy);
+    }
+    seen.trunks.iter_mut().for_each(|trunks| add_false_lines(trunks, share, image, random));
+}
+
+/// Adds false poles, or trunks.
+fn add_false_lines(lines: &mut Vec<LineFeature>, share: f64, image: ImageSize, random: &mut Pcg64) {
+    for _ in 0..wanted(lines.len(), share, random) {
+        let mut copy = lines[random.random_range(0..lines.len())];
+        let half = (copy.lower_px - copy.upper_px) * 0.5;
+        // Wherever it stands, it is seen as a whole, if it fits at all.
+        let within = |size_px: f64, half_px: f64, random: &mut Pcg64| {
+            let slack_px = (0.5 * size_px - half_px.abs()).max(0.0);
+            0.5 * size_px + slack_px * random.random_range(-1.0..1.0)
+        };
+        let to = Point2::new(within(image.width_px, half.x, random), within(image.height_px, half.y, random));
+        let by = to - (copy.upper_px + half);
+        move_line(&mut copy, &by);
+        lines.push(copy);
     }
 }
 
@@ -65,6 +71,7 @@ pub(super) fn miss(seen: &mut Features, share: f64, random: &mut Pcg64) {
     seen.poles.retain(|_| !random.random_bool(share));
     seen.lanes.retain(|_| !random.random_bool(share));
     seen.signs.retain(|_| !random.random_bool(share));
+    seen.trunks.iter_mut().for_each(|trunks| trunks.retain(|_| !random.random_bool(share)));
 }
 
 /// Shows nothing for `count` frames, from the one with index `first` on and
@@ -96,7 +103,7 @@ pub(super) fn frozen(trial: &mut Trial, first: usize, count: usize, every: usize
     ends
 }
 
-/// Shows no poles for `length_m` of the path, from `first_m` on and again
+/// Shows no poles and no trunks for `length_m` of the path, from `first_m` on and again
 /// every `every_m`. Returns the frames after these stretches.
 pub(super) fn no_poles(trial: &mut Trial, first_m: f64, length_m: f64, every_m: f64) -> Vec<usize> {
     let Trial { frames, truth, .. } = trial;
@@ -110,6 +117,7 @@ pub(super) fn no_poles(trial: &mut Trial, first_m: f64, length_m: f64, every_m: 
         let is_bare = driven_m >= first_m && (driven_m - first_m) % every_m < length_m;
         if is_bare {
             frame.features.poles.clear();
+            frame.features.trunks.iter_mut().for_each(Vec::clear);
         } else if was_bare {
             ends.push(frame.frame);
         }
@@ -132,7 +140,7 @@ pub(super) fn turn(seen: &mut Features, camera: &PinholeCamera, axis: &UnitVecto
         }
     };
     let turn_line = |line: &mut LineFeature| [&mut line.upper_px, &mut line.lower_px].into_iter().for_each(moved);
-    seen.poles.iter_mut().for_each(turn_line);
+    seen.poles.iter_mut().chain(seen.trunks.iter_mut().flatten()).for_each(turn_line);
     for lane in &mut seen.lanes {
         turn_line(&mut lane.line);
         lane.points_px.iter_mut().for_each(moved);

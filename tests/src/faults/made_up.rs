@@ -46,6 +46,7 @@ pub fn seen(frame: usize) -> Features {
     };
     Features {
         poles: [100.0, 300.0, 700.0, 1100.0].map(|u_px| line(u_px, 0.1 * u_px)).to_vec(),
+        trunks: Some(vec![line(600.0, 60.0), line(1000.0, 40.0)]),
         lanes: [400.0, 800.0].map(lane).to_vec(),
         signs: [200.0, 500.0, 900.0].map(sign).to_vec(),
     }

@@ -13,6 +13,10 @@ fn features(trial: &Trial) -> impl Iterator<Item = &Features> {
     trial.frames.iter().map(|seen| &seen.features)
 }
 
+fn trunks(seen: &Features) -> &[LineFeature] {
+    seen.trunks.as_deref().unwrap_or_default()
+}
+
 fn off_m(fix: &GpsFix, frame: usize, clean: &Trial) -> f64 {
     (fix.position_map.coords - clean.truth[frame].translation.vector).norm()
 }
@@ -60,10 +64,11 @@ fn the_share_of_false_features_is_as_said_and_the_true_ones_stay() {
     let clean = clean();
     for (fault, share) in [(Fault::False20, 0.2), (Fault::False40, 0.4)] {
         let trial = fault.applied(&clean, 1).trial;
-        let (mut all, mut added) = ([0; 3], [0; 3]);
+        let (mut all, mut added) = ([0; 4], [0; 4]);
         for (now, before) in features(&trial).zip(features(&clean)) {
             assert!(now.poles.starts_with(&before.poles));
             assert!(now.lanes.starts_with(&before.lanes) && now.signs.starts_with(&before.signs));
+            assert!(trunks(now).starts_with(trunks(before)));
             let lengths_px: Vec<f64> = before.poles.iter().map(LineFeature::length_px).collect();
             for pole in &now.poles[before.poles.len()..] {
                 assert!(lengths_px.iter().any(|length_px| (length_px - pole.length_px()).abs() < 1e-6));
@@ -72,13 +77,13 @@ fn the_share_of_false_features_is_as_said_and_the_true_ones_stay() {
             for lane in &now.lanes[before.lanes.len()..] {
                 assert!((lane.points_px[0].y - 200.0).abs() < 1e-9 && !before.lanes.contains(lane));
             }
-            let counts = |f: &Features| [f.poles.len(), f.lanes.len(), f.signs.len()];
-            for class in 0..3 {
+            let counts = |f: &Features| [f.poles.len(), f.lanes.len(), f.signs.len(), trunks(f).len()];
+            for class in 0..4 {
                 all[class] += counts(now)[class];
                 added[class] += counts(now)[class] - counts(before)[class];
             }
         }
-        for class in 0..3 {
+        for class in 0..4 {
             let found = f64::from(added[class] as u32) / f64::from(all[class] as u32);
             assert!((found - share).abs() < 0.03, "class {class}: {found} of {share}");
         }
@@ -90,8 +95,9 @@ fn half_of_the_features_is_missed_and_none_is_new() {
     let trial = Fault::Missed50.applied(&clean(), 1).trial;
     let whole = seen(0);
     assert!(features(&trial).flat_map(|now| &now.poles).all(|pole| whole.poles.contains(pole)));
-    let kept: usize = features(&trial).map(|now| now.poles.len() + now.lanes.len() + now.signs.len()).sum();
-    assert!((kept as f64 / (300.0 * 9.0) - 0.5).abs() < 0.05, "{kept}");
+    let count = |now: &Features| now.poles.len() + trunks(now).len() + now.lanes.len() + now.signs.len();
+    let kept: usize = features(&trial).map(count).sum();
+    assert!((kept as f64 / (300.0 * 11.0) - 0.5).abs() < 0.05, "{kept}");
 }
 
 #[test]
@@ -102,7 +108,8 @@ fn classes_and_stretches_are_gone_where_said() {
     let Faulty { trial, ends, .. } = Fault::NoPoles.applied(&clean, 1);
     // Frames are a metre apart: 10 to 60 m and 160 to 210 m.
     assert_eq!(ends, [60, 210]);
-    let bare: Vec<usize> = trial.frames.iter().filter(|f| f.features.poles.is_empty()).map(|f| f.frame).collect();
+    let is_bare = |seen: &Features| seen.poles.is_empty() && seen.trunks == Some(Vec::new());
+    let bare: Vec<usize> = trial.frames.iter().filter(|f| is_bare(&f.features)).map(|f| f.frame).collect();
     assert_eq!(bare, (10..60).chain(160..210).collect::<Vec<_>>());
     assert!(features(&trial).all(|now| now.lanes.len() == 2 && now.signs.len() == 3));
     let Faulty { trial, ends, .. } = Fault::Black.applied(&clean, 1);
@@ -146,6 +153,7 @@ fn a_turned_camera_shows_what_it_would_show() {
     // Turned to the right and up, all moves to the left and down.
     let (now, before) = (&turned.frames[0].features, &clean.frames[0].features);
     assert!(now.poles[2].upper_px.x < before.poles[2].upper_px.x - 3.0);
+    assert!(trunks(now)[1].upper_px.x < trunks(before)[1].upper_px.x - 3.0);
     assert!(now.lanes[0].points_px[0].y > before.lanes[0].points_px[0].y + 3.0);
 }
 

@@ -76,7 +76,8 @@ impl Matcher {
         let rows_px = 0.5 * scene.image.height_px;
         self.poles.clear();
         for (candidate, pole) in scene.candidates.poles.iter().enumerate() {
-            let Some(image) = PoleImage::new(&look.view, pole) else {
+            let told = scene.features.tells_of(pole.kind);
+            let Some(image) = PoleImage::new(&look.view, pole).filter(|_| told) else {
                 self.poles.push(None);
                 continue;
             };
@@ -87,6 +88,9 @@ impl Matcher {
             let most_px = look.most_sigma_px(&middle, &Vector2::x()) + landmark_px + scene.noise.calibration_sigma_px;
             let slope = (image.foot_px.x - image.top_px.x) / (image.foot_px.y - image.top_px.y).max(1.0);
             for (i, feature) in scene.features.poles.iter().enumerate() {
+                if !feature.may_be(pole.kind) {
+                    continue;
+                }
                 // Far outside the gate already by the columns of the middles;
                 // first by a bound, which costs less.
                 let column = image.foot_px.x + slope * (feature.middle_px.y - image.foot_px.y);
@@ -115,7 +119,8 @@ impl Matcher {
                 let length_px = feature.length_px.min(image.visible_length_px(scene.image));
                 let ends = image.ends_support(feature, &ends, rows_px);
                 let odds = scene.odds.of_pole(pole.kind, feature.log_odds);
-                let support = log_probability + log_density + ends + odds - look.clutter.poles_per_px2(length_px).ln();
+                let support =
+                    log_probability + log_density + ends + odds - look.clutter.poles_per_px2(pole.kind, length_px).ln();
                 self.pairs.push(Pair { feature: i, candidate, distance2, support });
             }
             self.poles.push(Some(at));

@@ -137,6 +137,51 @@ fn a_landmark_that_should_be_seen_and_is_not_costs() {
     assert!(matcher.run(&owned.scene(), &at, &covariance(0.1, 0.003)).abs() < 1e-12);
 }
 
+/// Of a trunk and a mast beside it each is matched with what is seen as such.
+#[test]
+fn what_is_seen_as_a_trunk_is_a_trunk_and_nothing_is_missed_where_nobody_tells_of_trunks() {
+    let camera = crate::projection::tests::camera();
+    let at = PoseParameters { x_m: 0.0, y_m: 0.0, z_m: 0.0, yaw_rad: 0.0, pitch_rad: 0.0, roll_rad: 0.0 }.to_pose();
+    let pole = |kind, right_m: f64| PoleCandidate {
+        index: usize::from(kind == PoleKind::Trunk),
+        kind,
+        foot_map: Point3::new(right_m, 1.6, 15.0),
+        top_map: Point3::new(right_m, -1.4, 15.0),
+        sight_m: 0.0,
+    };
+    let candidates = [pole(PoleKind::LampPost, 4.0), pole(PoleKind::Trunk, 4.1)];
+    let seen = |pole: &PoleCandidate| {
+        let view = View::new(&camera, &at);
+        let pixel = |p: &Point3<f64>| view.project(p).unwrap().0;
+        LineFeature {
+            upper_px: pixel(&pole.top_map),
+            lower_px: pixel(&pole.foot_map),
+            offset_sigma_px: 1.0,
+            angle_sigma_rad: 0.01,
+            width_px: 6.0,
+            probability: 0.7,
+            upper_is_cut: false,
+            lower_is_cut: false,
+        }
+    };
+    // Each is seen where the other stands.
+    let both =
+        Features { poles: vec![seen(&candidates[1])], trunks: Some(vec![seen(&candidates[0])]), ..Features::default() };
+    let mut owned = Owned::new(camera, &SemanticMap::default(), &at, &both);
+    owned.candidates.poles.extend(candidates);
+    let mut matcher = Matcher::default();
+    matcher.run(&owned.scene(), &at, &covariance(0.3, 0.003));
+    let pairs = matcher.matches.iter().map(|found| (found.landmark, found.feature));
+    assert_eq!(pairs.collect::<Vec<_>>(), [(LandmarkId::Pole(0), 0), (LandmarkId::Pole(1), 1)]);
+    // Alone and unseen it costs where vegetation is told, and nothing elsewhere.
+    owned.candidates.poles.remove(0);
+    let mut cost = |trunks| {
+        owned.features.fill(&Features { trunks, ..Features::default() });
+        matcher.run(&owned.scene(), &at, &covariance(0.1, 0.003))
+    };
+    assert!(cost(None).abs() < 1e-12 && cost(Some(Vec::new())) < -0.1);
+}
+
 /// A dashed line 1.8 m to the left of a straight road, marks of 3 m every 6 m,
 /// and what a camera at a pose sees of it, ends of marks from 5 to 20 m ahead.
 fn dashes(camera: &PinholeCamera, at: &Pose) -> (SemanticMap, Features) {

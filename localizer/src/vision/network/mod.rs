@@ -5,7 +5,7 @@
 //!
 //! | output | shape | classes |
 //! |---|---|---|
-//! | `class_probabilities` | 1x19xHxW | Cityscapes: 5 pole, 6 light, 7 sign |
+//! | `class_probabilities` | 1x19xHxW | Cityscapes: 5 pole, 6 light, 7 sign, 8 vegetation |
 //! | `lane_probability` | 1x1xHxW | lane |
 
 mod denormals;

@@ -107,6 +107,8 @@ pub struct ClassChannels {
     pub light: Vec<usize>,
     /// Lane lines.
     pub lane: Vec<usize>,
+    /// What grows: trees and hedges, not grass. Trunks are found in it.
+    pub vegetation: Vec<usize>,
 }
 
 impl ClassChannels {
@@ -117,6 +119,7 @@ impl ClassChannels {
             Class::Sign => &self.sign,
             Class::Light => &self.light,
             Class::Lane => &self.lane,
+            Class::Vegetation => &self.vegetation,
         }
     }
 }
@@ -169,7 +172,7 @@ impl NetworkSpec {
             return Some("`skip_top` must be at least 0 and below 1".into());
         }
         if Class::ALL.iter().all(|&class| self.classes.of(class).is_empty()) {
-            return Some("`classes` names no output channel for any of pole, sign, light and lane".into());
+            return Some("`classes` names no output channel for any of pole, sign, light, lane and vegetation".into());
         }
         None
     }
@@ -178,12 +181,19 @@ impl NetworkSpec {
     /// output (batch, channel, row, column).
     pub(super) fn known(output: &str, shape: &[usize]) -> Option<Self> {
         match (output, shape) {
-            // ESPNetv2 on Cityscapes: 19 train ids, 5 pole, 6 light, 7 sign;
+            // ESPNetv2 on Cityscapes: 19 train ids, 5 pole, 6 light, 7 sign,
+            // 8 vegetation;
             // normalised with the means of ImageNet.
             ("class_probabilities", [1, 19, _, _]) => Some(Self {
                 mean: [0.485, 0.456, 0.406],
                 std: [0.229, 0.224, 0.225],
-                classes: ClassChannels { pole: vec![5], light: vec![6], sign: vec![7], lane: vec![] },
+                classes: ClassChannels {
+                    pole: vec![5],
+                    light: vec![6],
+                    sign: vec![7],
+                    vegetation: vec![8],
+                    ..ClassChannels::default()
+                },
                 ..Self::default()
             }),
             // TwinLiteNet on BDD100K, its lane head only. Against the paint at

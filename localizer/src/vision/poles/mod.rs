@@ -21,7 +21,12 @@ const PIECE: f64 = 0.5;
 
 /// The poles of an image, from left to right.
 pub fn extract(maps: &ProbabilityMaps, config: &PoleConfig) -> Vec<LineFeature> {
-    let mut stems = join::join(stems(maps.plane(Class::Pole), config), maps, config);
+    measure(maps.plane(Class::Pole), maps, config)
+}
+
+/// What looks like a pole in `plane`, from left to right; `maps` say what hides it.
+pub(super) fn measure(plane: &Plane, maps: &ProbabilityMaps, config: &PoleConfig) -> Vec<LineFeature> {
+    let mut stems = join::join(stems(plane, config), maps, config);
     stems.retain(|stem| is_pole(stem, config));
     stems.sort_by(|a, b| a.line.u_px.total_cmp(&b.line.u_px));
     stems.iter().map(|stem| feature(stem, maps, config)).collect()

@@ -19,7 +19,7 @@ fn the_camera_is_localized_within_half_a_metre_and_says_when_it_is_not() {
 
 /// The label images of the demo but for these frames.
 fn labels_without(folder: &Path, dark: std::ops::Range<usize>) {
-    for class in ["pole", "sign", "light", "lane"] {
+    for class in ["pole", "sign", "light", "lane", "vegetation"] {
         std::fs::create_dir_all(folder.join(class)).unwrap();
         for frame in (0..FRAMES).filter(|frame| !dark.contains(frame)) {
             let name = format!("{class}/{frame:06}.png");

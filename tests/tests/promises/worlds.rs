@@ -37,7 +37,7 @@ fn every_world_reads_as_a_kitti_sequence_and_can_be_mapped() {
         let sequence = Sequence::open(&drive, "00").unwrap();
         assert_eq!(sequence.scan_frames().unwrap(), [0, 5], "{name}");
         assert_eq!(sequence.poses().unwrap().len(), 6, "{name}");
-        for class in ["pole", "sign", "light", "lane"] {
+        for class in ["pole", "sign", "light", "lane", "vegetation"] {
             assert!(sequence.folder().join(format!("labels_2/{class}/000005.png")).is_file(), "{name}: {class}");
         }
         let map = folder.path().join("map.csm");

@@ -19,6 +19,13 @@ pub struct Features {
     pub signs: Vec<PointFeature>,
 }
 
+impl Features {
+    /// How many poles and trunks there are.
+    pub fn uprights(&self) -> usize {
+        self.poles.len() + self.trunks.as_ref().map_or(0, Vec::len)
+    }
+}
+
 /// A straight centre line with its two ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LineFeature {

@@ -33,6 +33,7 @@ pub enum ProjectedShape {
 type Colour = [u8; 3];
 
 const POLE: Colour = [255, 40, 40];
+const TRUNK: Colour = [255, 140, 40];
 const SIGN: Colour = [255, 230, 0];
 const LIGHT: Colour = [0, 230, 255];
 const LANE: Colour = [40, 255, 40];
@@ -43,8 +44,8 @@ const MAP: Colour = [255, 60, 255];
 const END_BAR_PX: f64 = 4.0;
 
 /// A copy of `image` with features and landmarks drawn over it: poles red
-/// with a bar at each end that is not cut, signs yellow, lights cyan, lanes
-/// green with the fitted line's ends marked, landmarks magenta.
+/// with a bar at each end that is not cut, trunks orange, signs yellow, lights
+/// cyan, lanes green with the fitted line's ends marked, landmarks magenta.
 pub fn draw(image: &RgbImage, features: &Features, projected: &[ProjectedShape]) -> RgbImage {
     let mut canvas = Canvas(image.clone());
     for shape in projected {
@@ -69,6 +70,9 @@ pub fn draw(image: &RgbImage, features: &Features, projected: &[ProjectedShape])
                 canvas.line(&(end - bar), &(end + bar), POLE);
             }
         }
+    }
+    for trunk in features.trunks.iter().flatten() {
+        canvas.line(&trunk.upper_px, &trunk.lower_px, TRUNK);
     }
     for sign in &features.signs {
         let colour = if sign.kind == common::map::SignKind::TrafficLight { LIGHT } else { SIGN };

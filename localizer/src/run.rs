@@ -70,7 +70,7 @@ pub struct FrameResult {
     pub time_s: f64,
     /// What came out.
     pub estimate: PoseEstimate,
-    /// Number of features: poles, lanes, signs.
+    /// Number of features: poles and trunks, lanes, signs.
     pub features: [usize; 3],
     /// Time for the probabilities, milliseconds.
     pub maps_ms: f64,
@@ -122,7 +122,7 @@ pub fn localize(
             frame: seen.frame,
             time_s: seen.time_s,
             estimate,
-            features: [features.poles.len(), features.lanes.len(), features.signs.len()],
+            features: [features.uprights(), features.lanes.len(), features.signs.len()],
             maps_ms: seen.maps_ms,
             features_ms: seen.features_ms,
             localize_ms: started.elapsed().as_secs_f64() * 1e3,

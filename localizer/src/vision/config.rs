@@ -154,7 +154,8 @@ pub struct TrunkConfig {
     pub free_share: f64,
     /// Smallest mean over the rows of their largest probability.
     pub min_probability: f64,
-    /// Shortest trunk, pixels: 2 m at 60 m.
+    /// Shortest trunk, pixels: 2 m at 45 m. What is shorter is mostly a gap
+    /// between leaves.
     pub min_length_px: f64,
     /// Smallest ratio of length to width: 1.2 m between hedge and fork, 0.6 m
     /// thick.
@@ -173,7 +174,7 @@ impl Default for TrunkConfig {
             widest_of_width: 0.05,
             free_share: 0.4,
             min_probability: 0.5,
-            min_length_px: 24.0,
+            min_length_px: 32.0,
             min_aspect: 2.0,
             mask_sigma_px: 1.5,
             mask_sigma_width_share: 0.1,

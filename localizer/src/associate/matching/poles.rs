@@ -76,8 +76,8 @@ impl Matcher {
         let rows_px = 0.5 * scene.image.height_px;
         self.poles.clear();
         for (candidate, pole) in scene.candidates.poles.iter().enumerate() {
-            let told = scene.features.tells_of(pole.kind);
-            let Some(image) = PoleImage::new(&look.view, pole).filter(|_| told) else {
+            let is_told = scene.features.tells_of(pole.kind);
+            let Some(image) = is_told.then(|| PoleImage::new(&look.view, pole)).flatten() else {
                 self.poles.push(None);
                 continue;
             };

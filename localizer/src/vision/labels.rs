@@ -1,5 +1,6 @@
-//! Probability maps as files: `FOLDER/CLASS/{frame:06}.png`,
-//! 8-bit grey, `value / 255` the probability, each of the image's size.
+//! Probability maps as files: `FOLDER/CLASS/{frame:06}.png`, the class by its
+//! [name](Class::name), 8-bit grey, `value / 255` the probability, each of the
+//! image's size.
 //!
 //! A class without a folder has probability zero everywhere.
 

@@ -81,6 +81,19 @@ mod tests {
     }
 
     #[test]
+    fn what_gaps_leave_of_a_crown_is_no_trunk() {
+        let mut maps = tree(190..202, 0);
+        let mut leaves = maps.plane(Class::Vegetation).clone();
+        for y in 80..160 {
+            for x in (205..217).chain(220..232).chain(175..187) {
+                leaves.data_mut()[y * 400 + x] = 220;
+            }
+        }
+        maps.set(Class::Vegetation, leaves).unwrap();
+        assert!(found(&maps).is_empty());
+    }
+
+    #[test]
     fn crowns_hedges_and_what_stands_before_them_are_no_trunks() {
         assert!(found(&tree(0..0, 0)).is_empty(), "a crown");
         assert!(found(&tree(190..202, 200)).is_empty(), "before a hedge");

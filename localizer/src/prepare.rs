@@ -266,6 +266,13 @@ impl Prepared {
         kind != PoleKind::Trunk || self.trunks.is_some()
     }
 
+    /// How many features may be a pole of this kind.
+    #[inline]
+    pub fn count_of(&self, kind: PoleKind) -> usize {
+        let trunks = self.trunks.unwrap_or(0);
+        if kind == PoleKind::Trunk { trunks } else { self.poles.len() - trunks }
+    }
+
     /// Number of features.
     pub fn len(&self) -> usize {
         self.poles.len() + self.lanes.len() + self.signs.len()

@@ -155,12 +155,11 @@ impl DetectionConfig {
     /// Densities of false features in the space of two residuals (per px^2).
     /// The more the image is full of, the less one match says.
     pub fn clutter(&self, features: &Prepared, image: ImageSize) -> Clutter {
-        let trunks = features.trunks.unwrap_or(0);
         let count = |n: usize| (n as f64 * self.clutter_share).max(1.0);
         Clutter {
             // Along a pole the second residual spreads with its length.
-            pole_per_px: count(features.poles.len() - trunks) / image.width_px,
-            trunk_per_px: count(trunks) / image.width_px,
+            pole_per_px: count(features.count_of(PoleKind::LampPost)) / image.width_px,
+            trunk_per_px: count(features.count_of(PoleKind::Trunk)) / image.width_px,
             pole_spread_rad: self.pole_spread_rad,
             lane_per_px2: count(features.lanes.len()) / (image.width_px * image.width_px * self.lane_spread_of_width),
             sign_per_px2: count(features.signs.len()) / (image.width_px * image.height_px * self.sign_band_of_height),

@@ -184,12 +184,9 @@ impl Field {
         let Look { scene, view, cell, config } = look;
         self.begin(self.poles.len());
         let (camera, focal_px) = (scene.camera, scene.camera.fx_px);
-        let trunks = scene.features.trunks.unwrap_or(0);
-        let per_px = |count: usize| count.max(1) as f64 / scene.image.width_px;
-        let (trunks_per_px, poles_per_px) = (per_px(trunks), per_px(self.poles.len() - trunks));
+        let clutter_per_px = |kind| scene.features.count_of(kind).max(1) as f64 / scene.image.width_px;
         for pole in scene.candidates.poles.iter().filter(|pole| scene.features.tells_of(pole.kind)) {
             let is_trunk = pole.kind == PoleKind::Trunk;
-            let clutter_per_px = if is_trunk { trunks_per_px } else { poles_per_px };
             let (foot, top) = (view.to_camera(&pole.foot_map), view.to_camera(&pole.top_map));
             if foot.z.min(top.z) < config.nearest_m {
                 continue;
@@ -226,7 +223,7 @@ impl Field {
                 let overlaps = mark.top_px < low_px + row_px && mark.bottom_px > high_px - row_px;
                 if overlaps && mark.bottom_px < deepest_px {
                     let found = *known.get_or_insert_with(found);
-                    let ratio = found / ((1.0 - found) * clutter_per_px);
+                    let ratio = found / ((1.0 - found) * clutter_per_px(pole.kind));
                     *gain = gain.max(log_normal(ratio, off_px2, variance_px2));
                 }
             }

@@ -94,7 +94,7 @@ impl Plane {
 /// of the image; zeros for a class that nothing tells about.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ProbabilityMaps {
-    planes: [Plane; 5],
+    planes: [Plane; Class::ALL.len()],
 }
 
 impl ProbabilityMaps {

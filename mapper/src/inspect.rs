@@ -153,6 +153,14 @@ pub fn build_text(build: &BuildReport) -> String {
                     r.survey_sigma_m,
                 );
             }
+            if r.survey_doubted_frames > 0 {
+                let _ = writeln!(
+                    out,
+                    "around {} of the stitched frames the survey's motion contradicts the scans: \
+                     there it counts as up to {:.0} times less accurate",
+                    r.survey_doubted_frames, r.survey_doubt_most,
+                );
+            }
             let seen = &r.revisits;
             if seen.places > 0 {
                 let _ = writeln!(

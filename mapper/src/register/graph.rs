@@ -14,6 +14,9 @@
 //!   motion between both passes, with a Cauchy weight,
 //! - `log(E)`.
 //!
+//! Where most of the survey's steps contradict those of the scans, it lost its
+//! satellites: all of its terms count as less accurate by as much.
+//!
 //! Without revisits the normal matrix is block tridiagonal with a border of
 //! three columns for `E`, and one elimination along the chain solves it.
 //! Revisits break the band by 6 rows each; conjugate gradients with the
@@ -21,11 +24,11 @@
 //! steps, in practice some dozens, and memory stays linear in the drive.
 
 use common::geometry::{Pose, Tangent, retract};
-use nalgebra::{Matrix6, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix6, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
 use super::chain::{Chain, MotionTerm, Step};
-use super::median;
+use super::doubt::{doubts, survey_sigma_m};
 
 /// Accuracies that weigh the scans' motion against the survey.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -62,7 +65,8 @@ pub struct GraphConfig {
     pub revisit_sigma_rad: f64,
     /// Scale of the Cauchy weight on the survey's positions and on revisits,
     /// in standard deviations: where survey and scans contradict each other,
-    /// the scans decide, for the map is made of scans.
+    /// the scans decide, for the map is made of scans. Steps that contradict
+    /// each other by more cast doubt on all that the survey says there.
     pub robust_sigmas: f64,
 }
 
@@ -116,6 +120,8 @@ pub struct Refined {
     pub survey_from_camera: UnitQuaternion<f64>,
     /// Accuracy that the survey's positions were counted with, metres per axis.
     pub survey_sigma_m: f64,
+    /// How many times less accurate the survey was counted around each frame.
+    pub survey_doubts: Vec<f64>,
 }
 
 /// Weight of a registered motion: the inverse of its inflated covariance
@@ -133,13 +139,23 @@ fn cauchy(squared_sigmas: f64, robust_sigmas: f64) -> f64 {
     1.0 / (1.0 + squared_sigmas / robust_sigmas.powi(2))
 }
 
-/// Adds the survey's pose of a frame.
-fn add_survey(chain: &mut Chain, i: usize, pose: &Pose, survey: &Pose, e: &UnitQuaternion<f64>, config: &GraphConfig) {
+/// Adds the survey's pose of a frame, `doubt` times less accurate than stated.
+fn add_survey(
+    chain: &mut Chain,
+    i: usize,
+    (pose, survey): (&Pose, &Pose),
+    e: &UnitQuaternion<f64>,
+    doubt: f64,
+    config: &GraphConfig,
+) {
     let off = pose.rotation.inverse() * (pose.translation.vector - survey.translation.vector);
-    let weight = config.survey_sigma_m.powi(-2);
+    let weight = (config.survey_sigma_m * doubt).powi(-2);
     chain.add_position(i, &off, weight * cauchy(off.norm_squared() * weight, config.robust_sigmas));
     let turn = ((survey.rotation * e).inverse() * pose.rotation).scaled_axis();
-    chain.add_orientation(i, &turn, config.survey_sigma_rad.powi(-2));
+    let weight = (config.survey_sigma_rad * doubt).powi(-2);
+    // Errors of doubted steps add up to any turn.
+    let robust = if doubt > 1.0 { cauchy(turn.norm_squared() * weight, config.robust_sigmas) } else { 1.0 };
+    chain.add_orientation(i, &turn, weight * robust);
 }
 
 /// Solves the normal equations of the chain and of the revisits; none where
@@ -210,6 +226,7 @@ pub fn refine_poses(survey: &[Pose], motions: &[Motion], revisits: &[Revisit], c
     let mut e = UnitQuaternion::identity();
     let floor = [config.motion_sigma_m, config.motion_sigma_rad];
     let weights: Vec<Matrix6<f64>> = motions.iter().map(|m| motion_weight(&m.information, floor, config)).collect();
+    let doubts = doubts(survey, motions, &weights, config);
     let survey_sigma_m = survey_sigma_m(survey, motions, &weights, config);
     let config = &GraphConfig {
         survey_sigma_m,
@@ -246,10 +263,11 @@ pub fn refine_poses(survey: &[Pose], motions: &[Motion], revisits: &[Revisit], c
                 * survey[i].inverse()
                 * survey[i + 1]
                 * Pose::from_parts(Translation3::identity(), e);
-            chain.add_motion(i, &robust(MotionTerm::new(a, b, &z, &survey_weight), config.robust_sigmas));
+            let weight = survey_weight / doubts[i].max(doubts[i + 1]).powi(2);
+            chain.add_motion(i, &robust(MotionTerm::new(a, b, &z, &weight), config.robust_sigmas));
         }
         for i in 0..n {
-            add_survey(&mut chain, i, &poses[i], &survey[i], &e, config);
+            add_survey(&mut chain, i, (&poses[i], &survey[i]), &e, doubts[i], config);
         }
         chain.add_misalignment(&e.scaled_axis(), w_e);
         let terms: Vec<(&Revisit, MotionTerm)> =
@@ -265,46 +283,13 @@ pub fn refine_poses(survey: &[Pose], motions: &[Motion], revisits: &[Revisit], c
             break;
         }
     }
-    Refined { map_from_camera: poses, survey_from_camera: e, survey_sigma_m: config.survey_sigma_m }
-}
-
-/// The accuracy of the survey's positions, metres per axis, that its distances
-/// have beside those of the scans: no better than stated, and none of what the
-/// scans leave open is put down to it. Distances do not feel a misalignment of
-/// the axes.
-fn survey_sigma_m(survey: &[Pose], motions: &[Motion], weights: &[Matrix6<f64>], config: &GraphConfig) -> f64 {
-    let mut registered = vec![Pose::identity()];
-    let (mut driven_m, mut variance_m2) = (vec![0.0], vec![0.0]);
-    for (k, (motion, weight)) in motions.iter().zip(weights).enumerate() {
-        let way = motion.before_from_after.translation.vector;
-        let along = motion.before_from_after.rotation.inverse() * way.try_normalize(1e-6).unwrap_or_else(Vector3::z);
-        let covariance = weight.try_inverse().unwrap_or_else(Matrix6::zeros);
-        registered.push(registered[k] * motion.before_from_after);
-        driven_m.push(driven_m[k] + way.norm());
-        variance_m2.push(variance_m2[k] + along.dot(&(covariance.fixed_view::<3, 3>(0, 0) * along)));
+    Refined {
+        map_from_camera: poses,
+        survey_from_camera: e,
+        survey_sigma_m: config.survey_sigma_m,
+        survey_doubts: doubts,
     }
-    let distance_m =
-        |poses: &[Pose], a: usize, b: usize| (poses[b].translation.vector - poses[a].translation.vector).norm();
-    let n = survey.len().min(registered.len());
-    let (off_m2, open_m2): (Vec<f64>, Vec<f64>) = (0..n)
-        .map(|a| (a, driven_m.partition_point(|way| way - driven_m[a] < config.survey_check_m)))
-        .filter(|(_, b)| *b < n)
-        .map(|(a, b)| {
-            let off_m = distance_m(survey, a, b) - distance_m(&registered, a, b);
-            (off_m * off_m, variance_m2[b] - variance_m2[a])
-        })
-        .unzip();
-    if off_m2.len() < FEWEST_CHECKS {
-        return config.survey_sigma_m;
-    }
-    // A standard deviation is 1.48 median deviations; two positions make a
-    // distance.
-    let found_m2 = (1.48_f64.powi(2) * median(&off_m2) - median(&open_m2)) / 2.0;
-    config.survey_sigma_m.max(found_m2.max(0.0).sqrt())
 }
-
-/// Fewer distances do not tell how accurate a survey is.
-const FEWEST_CHECKS: usize = 4;
 
 fn revisit_weight(revisit: &Revisit, config: &GraphConfig) -> Matrix6<f64> {
     motion_weight(&revisit.information, [config.revisit_sigma_m, config.revisit_sigma_rad], config)

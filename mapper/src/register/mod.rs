@@ -2,6 +2,7 @@
 
 mod align;
 mod chain;
+mod doubt;
 mod graph;
 mod local_map;
 mod odometry;

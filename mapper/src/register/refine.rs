@@ -46,6 +46,12 @@ pub struct Report {
     /// Accuracy that the survey's positions were counted with, metres per
     /// axis: as stated, or what its distances have beside those of the scans.
     pub survey_sigma_m: f64,
+    /// Stitched frames around which the survey's motion contradicts the scans,
+    /// as where it had no satellites.
+    pub survey_doubted_frames: usize,
+    /// How many times less accurate than stated it was counted there at most;
+    /// 1 where it was believed throughout.
+    pub survey_doubt_most: f64,
     /// What places that the drive comes back to gave.
     pub revisits: RevisitReport,
 }
@@ -108,6 +114,8 @@ pub fn refine(drive: &Drive, config: &RefineConfig) -> Result<Registration> {
             rms_given_m: found.rms_given_m,
             rms_refined_m: found.rms_refined_m,
             survey_sigma_m: refined.survey_sigma_m,
+            survey_doubted_frames: refined.survey_doubts.iter().filter(|doubt| **doubt > 1.0).count(),
+            survey_doubt_most: refined.survey_doubts.iter().copied().fold(1.0, f64::max),
             revisits,
         },
     })

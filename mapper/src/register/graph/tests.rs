@@ -1,3 +1,6 @@
+use common::geometry::local;
+use nalgebra::Vector3;
+
 use super::*;
 
 /// A drive around a bend, and the survey of it with misaligned axes.
@@ -45,6 +48,57 @@ fn where_the_survey_is_short_the_scans_keep_their_scale() {
     assert!(refined.survey_sigma_m > 0.5, "{}", refined.survey_sigma_m);
     let exact = refine_poses(&truth, &motions, &[], &GraphConfig::default());
     assert!((exact.survey_sigma_m - GraphConfig::default().survey_sigma_m).abs() < 1e-12);
+}
+
+/// A survey without satellites for its first frames: it goes on as it went, a
+/// seventh too fast and without the bend.
+fn without_satellites(truth: &[Pose], frames: usize) -> Vec<Pose> {
+    let mut survey = truth.to_vec();
+    for i in (0..frames).rev() {
+        let step = truth[i].inverse() * truth[i + 1];
+        let wrong = Pose::translation(0.0, 0.0, step.translation.vector.norm() * 8.0 / 7.0);
+        survey[i] = survey[i + 1] * wrong.inverse();
+    }
+    survey
+}
+
+#[test]
+fn where_the_survey_had_no_satellites_the_scans_decide() {
+    let mut pose = Pose::identity();
+    let mut truth = Vec::new();
+    for _ in 0..40 {
+        truth.push(pose);
+        pose = retract(&pose, &Tangent::new(0.0, 0.0, 0.8, 0.0, 0.004, 0.0));
+    }
+    // As weak as a street without much that stands across it.
+    let mut motions = exact_motions(&truth);
+    for motion in &mut motions {
+        motion.information = Matrix6::from_diagonal(&Tangent::new(1e6, 1e6, 4e4, 1e8, 1e8, 1e8));
+    }
+    for frames in [9, 18] {
+        let survey = without_satellites(&truth, frames);
+        let refined = refine_poses(&survey, &motions, &[], &GraphConfig::default());
+        let doubted = refined.survey_doubts.iter().filter(|doubt| **doubt > 3.0).count();
+        assert!(doubted.abs_diff(frames) <= 2, "{doubted} of {frames}");
+        let found = refined.map_from_camera[0].inverse() * refined.map_from_camera[frames];
+        let off = local(&(truth[0].inverse() * truth[frames]), &found);
+        let driven_m = 0.8 * frames as f64;
+        assert!(off.fixed_rows::<3>(0).norm() < 0.02 * driven_m, "{frames}: {off}");
+        assert!(off.fixed_rows::<3>(3).norm() < 0.1 * 0.004 * frames as f64, "{frames}: {off}");
+    }
+}
+
+#[test]
+fn a_survey_is_not_doubted_for_a_single_step_or_for_its_axes() {
+    let e = UnitQuaternion::from_scaled_axis(Vector3::new(0.003, -0.006, 0.002));
+    let (truth, mut survey) = drive(&e);
+    let mut motions = exact_motions(&truth);
+    survey[20].translation.vector.z += 0.5;
+    motions[30].before_from_after *= Pose::translation(0.0, 0.0, 0.4);
+    let refined = refine_poses(&survey, &motions, &[], &GraphConfig::default());
+    assert!(refined.survey_doubts.iter().all(|doubt| *doubt <= 1.0), "{:?}", refined.survey_doubts);
+    let none = refine_poses(&truth[..1], &[], &[], &GraphConfig::default());
+    assert_eq!(none.survey_doubts, [1.0]);
 }
 
 /// Twice round a block; the survey of the second round has drifted.

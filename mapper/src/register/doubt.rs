@@ -1,0 +1,102 @@
+//! How far the survey may be believed beside the scans.
+//!
+//! Compared are ways and the angles of turns: neither feels how the survey's
+//! axes are turned against the camera's.
+
+use common::geometry::Pose;
+use nalgebra::{Matrix3, Matrix6, Vector3};
+
+use super::graph::{GraphConfig, Motion};
+use super::median;
+
+/// Steps that are looked at together, two to either side: a survey that lost its
+/// satellites is wrong for several, a scan that found no place for one.
+const STEPS: usize = 5;
+
+/// Median of a chi-square of two degrees of freedom.
+const MEDIAN_CHI_SQUARE: f64 = 1.386;
+
+/// How many times less accurate than stated the survey is around each frame; 1
+/// where most of its steps lie within `robust_sigmas` of those of the scans.
+pub(super) fn doubts(survey: &[Pose], motions: &[Motion], weights: &[Matrix6<f64>], config: &GraphConfig) -> Vec<f64> {
+    let steps: Vec<f64> = survey
+        .windows(2)
+        .zip(motions)
+        .zip(weights)
+        .map(|((survey, motion), weight)| {
+            let covariance = weight.try_inverse().unwrap_or_else(Matrix6::zeros);
+            let surveyed = survey[0].inverse() * survey[1];
+            let registered = &motion.before_from_after;
+            let ways = (surveyed.translation.vector, registered.translation.vector);
+            let turns = (surveyed.rotation.scaled_axis(), registered.rotation.scaled_axis());
+            squared_sigmas(ways, &covariance.fixed_view::<3, 3>(0, 0).into_owned(), config.survey_motion_sigma_m)
+                + squared_sigmas(
+                    turns,
+                    &covariance.fixed_view::<3, 3>(3, 3).into_owned(),
+                    config.survey_motion_sigma_rad,
+                )
+        })
+        .collect();
+    (0..survey.len())
+        .map(|frame| {
+            // Of the steps to and from the frame as many as there are.
+            let first = (frame + 1).saturating_sub(STEPS.div_ceil(2)).min(steps.len().saturating_sub(STEPS));
+            let around = &steps[first..(first + STEPS).min(steps.len())];
+            let doubt = (median(around) / MEDIAN_CHI_SQUARE).sqrt();
+            if doubt > config.robust_sigmas { doubt } else { 1.0 }
+        })
+        .collect()
+}
+
+/// Squared difference of the lengths of two vectors, in standard deviations.
+fn squared_sigmas(
+    (surveyed, registered): (Vector3<f64>, Vector3<f64>),
+    covariance: &Matrix3<f64>,
+    survey_sigma: f64,
+) -> f64 {
+    let along = registered.try_normalize(1e-9).unwrap_or_else(Vector3::z);
+    (surveyed.norm() - registered.norm()).powi(2) / (survey_sigma.powi(2) + along.dot(&(covariance * along)))
+}
+
+/// The accuracy of the survey's positions, metres per axis, that its distances
+/// have beside those of the scans: no better than stated, and none of what the
+/// scans leave open is put down to it. Distances do not feel a misalignment of
+/// the axes.
+pub(super) fn survey_sigma_m(
+    survey: &[Pose],
+    motions: &[Motion],
+    weights: &[Matrix6<f64>],
+    config: &GraphConfig,
+) -> f64 {
+    let mut registered = vec![Pose::identity()];
+    let (mut driven_m, mut variance_m2) = (vec![0.0], vec![0.0]);
+    for (k, (motion, weight)) in motions.iter().zip(weights).enumerate() {
+        let way = motion.before_from_after.translation.vector;
+        let along = motion.before_from_after.rotation.inverse() * way.try_normalize(1e-6).unwrap_or_else(Vector3::z);
+        let covariance = weight.try_inverse().unwrap_or_else(Matrix6::zeros);
+        registered.push(registered[k] * motion.before_from_after);
+        driven_m.push(driven_m[k] + way.norm());
+        variance_m2.push(variance_m2[k] + along.dot(&(covariance.fixed_view::<3, 3>(0, 0) * along)));
+    }
+    let distance_m =
+        |poses: &[Pose], a: usize, b: usize| (poses[b].translation.vector - poses[a].translation.vector).norm();
+    let n = survey.len().min(registered.len());
+    let (off_m2, open_m2): (Vec<f64>, Vec<f64>) = (0..n)
+        .map(|a| (a, driven_m.partition_point(|way| way - driven_m[a] < config.survey_check_m)))
+        .filter(|(_, b)| *b < n)
+        .map(|(a, b)| {
+            let off_m = distance_m(survey, a, b) - distance_m(&registered, a, b);
+            (off_m * off_m, variance_m2[b] - variance_m2[a])
+        })
+        .unzip();
+    if off_m2.len() < FEWEST_CHECKS {
+        return config.survey_sigma_m;
+    }
+    // A standard deviation is 1.48 median deviations; two positions make a
+    // distance.
+    let found_m2 = (1.48_f64.powi(2) * median(&off_m2) - median(&open_m2)) / 2.0;
+    config.survey_sigma_m.max(found_m2.max(0.0).sqrt())
+}
+
+/// Fewer distances do not tell how accurate a survey is.
+const FEWEST_CHECKS: usize = 4;

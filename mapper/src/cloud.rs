@@ -1,7 +1,7 @@
 //! The stitched cloud of one stretch of road.
 
 use common::geometry::Pose;
-use nalgebra::{Point2, Point3};
+use nalgebra::{Point2, Point3, Vector2};
 use rayon::prelude::*;
 
 use crate::by_cell::ByCell;
@@ -14,6 +14,7 @@ use crate::lanes::Contrasts;
 use crate::lidar::Sensor;
 use crate::path::{Path, PathIndex, PathPlace};
 use crate::register::Registration;
+use crate::sheeting::Glance;
 
 /// A point of the stitched cloud.
 #[derive(Debug, Clone, Copy)]
@@ -114,7 +115,7 @@ impl Corridor {
             low = Point2::new(low.x.min(v.x), low.y.min(v.z));
             high = Point2::new(high.x.max(v.x), high.y.max(v.z));
         }
-        let margin = nalgebra::Vector2::repeat(config.half_width_m);
+        let margin = Vector2::repeat(config.half_width_m);
         let grid = Grid::covering(low - margin, high + margin, cell_m);
         let path_index = PathIndex::new(&path, &grid);
         let inside = (0..grid.len())
@@ -254,6 +255,20 @@ impl Cloud {
     /// The same within so many cells.
     pub fn within_cells(&self, at: &Point2<f64>, cells: usize) -> impl Iterator<Item = &CloudPoint> {
         self.standing.near(at, cells, self.ground.grid()).map(move |i| &self.points[*i as usize])
+    }
+
+    /// What the lidar saw of those near map (x, z) that are where `is_there` says.
+    pub(crate) fn glances(&self, at: &Point2<f64>, is_there: impl Fn(&CloudPoint) -> bool) -> Vec<Glance> {
+        let glance = |p: &CloudPoint| {
+            let ray = p.position - self.sensors[usize::from(p.scan)].at;
+            Glance {
+                scan: p.scan,
+                from_lidar: Vector2::new(ray.x, ray.z).try_normalize(1e-6).unwrap_or_else(Vector2::y),
+                range_m: f64::from(p.range_m),
+                reflectance: p.reflectance,
+            }
+        };
+        self.near(at).filter(|p| is_there(p)).map(glance).collect()
     }
 
     /// Points on the ground and up to a kerb above and below it, likewise.

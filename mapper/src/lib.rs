@@ -35,6 +35,7 @@ pub mod register;
 pub mod report;
 pub mod roads;
 pub mod scan;
+mod sheeting;
 pub mod signs;
 pub mod validate;
 pub mod voxel;

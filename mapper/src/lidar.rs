@@ -4,6 +4,8 @@ use common::geometry::Pose;
 use nalgebra::{Point3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
+pub use crate::sheeting::SheetingConfig;
+
 /// Beam pattern of the lidar. Defaults: Velodyne HDL-64E at 10 Hz, from its
 /// manual.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -20,6 +22,8 @@ pub struct LidarConfig {
     pub highest_rad: f64,
     /// Elevation of the lowest beam, radians.
     pub lowest_rad: f64,
+    /// How retro-reflective sheeting looks to it.
+    pub sheeting: SheetingConfig,
 }
 
 impl Default for LidarConfig {
@@ -30,6 +34,7 @@ impl Default for LidarConfig {
             apex_m: 0.21,
             highest_rad: 0.035,
             lowest_rad: -0.434,
+            sheeting: SheetingConfig::default(),
         }
     }
 }

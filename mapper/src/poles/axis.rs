@@ -10,6 +10,7 @@ use rustc_hash::FxHashMap;
 use super::normal::Sums;
 use super::{Plumb, PoleConfig};
 use crate::cloud::{Cloud, CloudPoint};
+use crate::sheeting::Glance;
 
 /// A point near a stack: place, height along -y, and direction from the lidar.
 #[derive(Clone, Copy)]
@@ -41,6 +42,11 @@ impl Hit {
             range: f64::from(p.range_m),
             reflectance: p.reflectance,
         }
+    }
+
+    /// As seen from the lidar.
+    pub fn glance(&self) -> Glance {
+        Glance { scan: self.scan, from_lidar: self.from_lidar, range_m: self.range, reflectance: self.reflectance }
     }
 
     /// Which beam of the lidar it is of.

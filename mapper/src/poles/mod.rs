@@ -41,8 +41,8 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
         .find(config)
         .into_iter()
         .chain(stacks.find_before(config))
-        .chain(under_reflectors(cloud, config))
-        .chain(under_sheets(cloud, config))
+        .chain(under_reflectors(cloud, config, &lidar.sheeting))
+        .chain(under_sheets(cloud, config, &lidar.sheeting))
         .collect();
     let fit = |plumb: &Plumb, wanted: Wanted| -> Vec<(FittedPole, bool)> {
         places

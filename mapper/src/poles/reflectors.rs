@@ -7,12 +7,13 @@ use nalgebra::Point2;
 
 use super::{PoleConfig, Stack};
 use crate::cloud::{Cloud, CloudPoint};
+use crate::lidar::SheetingConfig;
 use crate::signs::clusters;
 
 /// Places under small reflectors at the height of those of delineators.
-pub(super) fn under_reflectors(cloud: &Cloud, config: &PoleConfig) -> Vec<Stack> {
+pub(super) fn under_reflectors(cloud: &Cloud, config: &PoleConfig, sheeting: &SheetingConfig) -> Vec<Stack> {
     let [low_m, high_m] = config.reflector_m;
-    reflectors(cloud, config.least_reflectance, low_m..=high_m, config)
+    reflectors(cloud, config.least_reflectance, low_m..=high_m, config, sheeting)
         .into_iter()
         .filter(|r| r.width_m <= config.widest_reflector_m)
         .map(|r| Stack::under_reflector(r.centre, r.high_m, config))
@@ -20,8 +21,9 @@ pub(super) fn under_reflectors(cloud: &Cloud, config: &PoleConfig) -> Vec<Stack>
 }
 
 /// Places under retro-reflective plates: signs are mounted in the middle.
-pub(super) fn under_sheets(cloud: &Cloud, config: &PoleConfig) -> Vec<Stack> {
-    reflectors(cloud, config.sheeting_reflectance, config.sheet_m[0]..=config.sheet_m[1], config)
+pub(super) fn under_sheets(cloud: &Cloud, config: &PoleConfig, sheeting: &SheetingConfig) -> Vec<Stack> {
+    let [low_m, high_m] = config.sheet_m;
+    reflectors(cloud, config.sheeting_reflectance, low_m..=high_m, config, sheeting)
         .into_iter()
         .filter(|r| r.width_m <= config.widest_sheet_m)
         .filter_map(|r| Stack::under_sheet(r.centre, r.low_m, r.high_m, config))
@@ -45,6 +47,7 @@ fn reflectors(
     least_reflectance: f32,
     heights_m: RangeInclusive<f64>,
     config: &PoleConfig,
+    sheeting: &SheetingConfig,
 ) -> Vec<Reflector> {
     let bright: Vec<&CloudPoint> = cloud
         .points
@@ -58,12 +61,18 @@ fn reflectors(
             let (low_x, high_x) = middle_half(cluster, |p| p.position.x)?;
             let (low_z, high_z) = middle_half(cluster, |p| p.position.z)?;
             let heights_m = cluster.iter().map(|p| f64::from(p.height_m));
-            Some(Reflector {
+            let found = Reflector {
                 centre: Point2::new(f64::midpoint(low_x, high_x), f64::midpoint(low_z, high_z)),
                 width_m: 2.0 * (high_x - low_x).hypot(high_z - low_z),
                 low_m: heights_m.clone().fold(f64::INFINITY, f64::min),
                 high_m: heights_m.fold(f64::NEG_INFINITY, f64::max),
-            })
+            };
+            let is_there = |p: &CloudPoint| {
+                (low_x..=high_x).contains(&p.position.x)
+                    && (low_z..=high_z).contains(&p.position.z)
+                    && (found.low_m..=found.high_m).contains(&f64::from(p.height_m))
+            };
+            sheeting.is_steady(&cloud.glances(&found.centre, is_there), least_reflectance).then_some(found)
         })
         .collect()
 }
@@ -75,4 +84,32 @@ fn middle_half(points: &[&CloudPoint], value: impl Fn(&CloudPoint) -> f64) -> Op
     values.sort_by(f64::total_cmp);
     let off = values.len() / 4;
     Some((*values.get(off)?, *values.get(values.len() - 1 - off)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+    use crate::testing::{CAMERA_HEIGHT_M, Street};
+
+    /// Places under what is half a metre square on a house front and so bright in each
+    /// scan that sees it.
+    fn places(reflectance: impl Fn(u16) -> f32) -> usize {
+        let mut street = Street::new();
+        for scan in 0..10 {
+            for (i, k) in (0..6).flat_map(|i| (0..6).map(move |k| (i, k))) {
+                let up_m = 1.5 + 0.1 * f64::from(k);
+                let place = Point3::new(9.0, CAMERA_HEIGHT_M - up_m, 28.0 + 0.1 * f64::from(i));
+                street.add(place, scan, reflectance(scan), None);
+            }
+        }
+        under_sheets(&street.cloud(), &PoleConfig::default(), &SheetingConfig::default()).len()
+    }
+
+    #[test]
+    fn posts_are_looked_for_under_sheeting_and_not_under_panes_that_glint() {
+        assert_eq!(places(|_| 0.98), 1);
+        assert_eq!(places(|scan| if scan == 4 { 0.98 } else { 0.1 }), 0);
+    }
 }

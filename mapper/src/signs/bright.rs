@@ -9,6 +9,7 @@ use super::FoundSign;
 use super::config::SignConfig;
 use crate::cloud::{Cloud, CloudPoint};
 use crate::lidar::LidarConfig;
+use crate::sheeting::Glance;
 
 /// A retro-reflective plate and where its bright points lie.
 #[derive(Debug, Clone)]
@@ -33,6 +34,10 @@ pub fn bright_plates(cloud: &Cloud, config: &SignConfig, lidar: &LidarConfig) ->
         .iter()
         .flat_map(|c| plates(c, config, lidar))
         .filter(|c| bright_share(c, cloud) >= config.least_bright_share)
+        .filter(|c| {
+            let (seen, bright) = (glances(c, cloud), config.least_reflectance);
+            lidar.sheeting.saturates(&seen, bright) && lidar.sheeting.is_steady(&seen, bright)
+        })
         .filter(|c| following(c, cloud) <= config.largest_following)
         .filter_map(|c| {
             let heights = c.iter().map(|p| -p.position.y);
@@ -86,18 +91,30 @@ pub(crate) fn clusters<'a>(points: &[&'a CloudPoint], join_m: f64) -> Vec<Vec<&'
     groups
 }
 
+/// The corners of the box around a cluster.
+fn corners(cluster: &[&CloudPoint]) -> (Point3<f64>, Point3<f64>) {
+    let first = cluster[0].position;
+    cluster.iter().fold((first, first), |(low, high), p| (low.inf(&p.position), high.sup(&p.position)))
+}
+
+fn middle(low: &Point3<f64>, high: &Point3<f64>) -> Point2<f64> {
+    Point2::new(f64::midpoint(low.x, high.x), f64::midpoint(low.z, high.z))
+}
+
+/// What all scans saw in the box around a cluster.
+fn glances(cluster: &[&CloudPoint], cloud: &Cloud) -> Vec<Glance> {
+    let (low, high) = corners(cluster);
+    cloud.glances(&middle(&low, &high), |p| p.position >= low && p.position <= high)
+}
+
 /// Share of bright points in the box around a cluster, in its own scans.
 fn bright_share(cluster: &[&CloudPoint], cloud: &Cloud) -> f64 {
-    let (mut low, mut high) = (cluster[0].position, cluster[0].position);
-    for p in cluster {
-        low = low.inf(&p.position);
-        high = high.sup(&p.position);
-    }
+    let (low, high) = corners(cluster);
     let mut scans: Vec<u16> = cluster.iter().map(|p| p.scan).collect();
     scans.sort_unstable();
     scans.dedup();
     let inside = cloud
-        .near(&Point2::new(f64::midpoint(low.x, high.x), f64::midpoint(low.z, high.z)))
+        .near(&middle(&low, &high))
         .filter(|p| p.position >= low && p.position <= high)
         .filter(|p| scans.binary_search(&p.scan).is_ok())
         .count();

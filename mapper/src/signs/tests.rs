@@ -74,6 +74,17 @@ impl Post {
 }
 
 #[test]
+fn a_board_as_bright_as_white_plaster_is_no_sign() {
+    let signs = |shade: f32| {
+        let mut post = Post::new(4.0, 30.0);
+        post.board(0.6, (2.0, 2.6), 0.1, [Some(shade), Some(METAL)]);
+        let (cloud, lidar) = (post.street.cloud(), LidarConfig::default());
+        find_signs(&cloud, &[], &SignConfig::default(), &lidar).len()
+    };
+    assert_eq!((signs(SHEETING), signs(0.78)), (1, 0));
+}
+
+#[test]
 fn a_post_that_ends_at_no_sign_may_go_on_above_and_is_no_sign_post() {
     let kinds = |has_sign: bool| {
         let mut post = Post::new(5.0, 56.0);

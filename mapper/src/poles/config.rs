@@ -139,8 +139,8 @@ pub struct PoleConfig {
     /// The same for what carries sheeting: a post with a sign may stand in a
     /// hedge up to it.
     pub least_free_share_sign: f64,
-    /// The same for what is thicker than a post: else it is a banner, a person
-    /// or a corner of something.
+    /// The same for what is thicker than a post: trees fork low, and what is free over
+    /// less is a banner, a person or a corner of something.
     pub least_free_share_thick: f64,
     /// Largest radius of a post, metres.
     pub post_radius_m: f64,
@@ -311,7 +311,7 @@ impl Default for PoleConfig {
             glimpse_share: 0.34,
             least_free_share: 0.35,
             least_free_share_sign: 0.25,
-            least_free_share_thick: 0.6,
+            least_free_share_thick: 0.4,
             post_radius_m: 0.12,
             slender_m: 0.06,
             crown_share: 0.015,

@@ -83,6 +83,17 @@ fn what_is_attached_half_its_length_has_to_be_seen_well_even_with_sheeting() {
 }
 
 #[test]
+fn a_tree_that_forks_low_is_a_pole_and_what_hardly_shows_free_is_none() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let is_pole = |radius_m: f64, free_m: f64| {
+        is_pole(&FittedPole { radius_m, free_m, top_height_m: 2.4, ..pole.clone() }, &stack, &config)
+    };
+    // Its branches fill the upper half; a banner beside a door.
+    assert!(is_pole(0.28, 1.2) && !is_pole(0.28, 0.85) && is_pole(0.04, 0.85));
+}
+
+#[test]
 fn pipes_and_jambs_are_of_their_wall_and_a_mast_in_a_hedge_is_a_pole() {
     let config = PoleConfig::default();
     let (pole, stack) = slender();

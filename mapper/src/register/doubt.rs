@@ -13,39 +13,43 @@ use super::median;
 /// satellites is wrong for several, a scan that found no place for one.
 const STEPS: usize = 5;
 
+/// Of fewer, one would decide.
+const FEWEST_STEPS: usize = 3;
+
 /// Median of a chi-square of two degrees of freedom.
 const MEDIAN_CHI_SQUARE: f64 = 1.386;
 
 /// How many times less accurate than stated the survey is around each frame; 1
 /// where most of its steps lie within `robust_sigmas` of those of the scans.
 pub(super) fn doubts(survey: &[Pose], motions: &[Motion], weights: &[Matrix6<f64>], config: &GraphConfig) -> Vec<f64> {
-    let steps: Vec<f64> = survey
-        .windows(2)
-        .zip(motions)
-        .zip(weights)
-        .map(|((survey, motion), weight)| {
-            let covariance = weight.try_inverse().unwrap_or_else(Matrix6::zeros);
-            let surveyed = survey[0].inverse() * survey[1];
-            let registered = &motion.before_from_after;
-            let ways = (surveyed.translation.vector, registered.translation.vector);
-            let turns = (surveyed.rotation.scaled_axis(), registered.rotation.scaled_axis());
-            squared_sigmas(ways, &covariance.fixed_view::<3, 3>(0, 0).into_owned(), config.survey_motion_sigma_m)
-                + squared_sigmas(
-                    turns,
-                    &covariance.fixed_view::<3, 3>(3, 3).into_owned(),
-                    config.survey_motion_sigma_rad,
-                )
-        })
-        .collect();
+    let steps: Vec<f64> =
+        survey.windows(2).zip(motions).zip(weights).map(|((poses, m), w)| off_squared(poses, m, w, config)).collect();
     (0..survey.len())
         .map(|frame| {
             // Of the steps to and from the frame as many as there are.
             let first = (frame + 1).saturating_sub(STEPS.div_ceil(2)).min(steps.len().saturating_sub(STEPS));
             let around = &steps[first..(first + STEPS).min(steps.len())];
             let doubt = (median(around) / MEDIAN_CHI_SQUARE).sqrt();
-            if doubt > config.robust_sigmas { doubt } else { 1.0 }
+            if around.len() >= FEWEST_STEPS && doubt > config.robust_sigmas { doubt } else { 1.0 }
         })
         .collect()
+}
+
+/// How far a step of the survey is from that of the scans, in standard deviations,
+/// squared: its way and the angle of its turn, a chi-square of two degrees of freedom.
+fn off_squared(survey: &[Pose], motion: &Motion, weight: &Matrix6<f64>, config: &GraphConfig) -> f64 {
+    let covariance = weight.try_inverse().unwrap_or_else(Matrix6::zeros);
+    let of = |first: usize| covariance.fixed_view::<3, 3>(first, first).into_owned();
+    let surveyed = survey[0].inverse() * survey[1];
+    let registered = &motion.before_from_after;
+    // In the later camera's axes, as the covariance is.
+    let way = registered.rotation.inverse() * registered.translation.vector;
+    squared_sigmas((surveyed.translation.vector, way), &of(0), config.survey_motion_sigma_m)
+        + squared_sigmas(
+            (surveyed.rotation.scaled_axis(), registered.rotation.scaled_axis()),
+            &of(3),
+            config.survey_motion_sigma_rad,
+        )
 }
 
 /// Squared difference of the lengths of two vectors, in standard deviations.

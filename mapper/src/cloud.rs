@@ -257,18 +257,20 @@ impl Cloud {
         self.standing.near(at, cells, self.ground.grid()).map(move |i| &self.points[*i as usize])
     }
 
-    /// What the lidar saw of those near map (x, z) that are where `is_there` says.
+    /// A point as seen from the lidar.
+    pub(crate) fn glance(&self, p: &CloudPoint) -> Glance {
+        let ray = p.position - self.sensors[usize::from(p.scan)].at;
+        Glance {
+            scan: p.scan,
+            from_lidar: Vector2::new(ray.x, ray.z).try_normalize(1e-6).unwrap_or_else(Vector2::y),
+            range_m: f64::from(p.range_m),
+            reflectance: p.reflectance,
+        }
+    }
+
+    /// Those near map (x, z) that are where `is_there` says.
     pub(crate) fn glances(&self, at: &Point2<f64>, is_there: impl Fn(&CloudPoint) -> bool) -> Vec<Glance> {
-        let glance = |p: &CloudPoint| {
-            let ray = p.position - self.sensors[usize::from(p.scan)].at;
-            Glance {
-                scan: p.scan,
-                from_lidar: Vector2::new(ray.x, ray.z).try_normalize(1e-6).unwrap_or_else(Vector2::y),
-                range_m: f64::from(p.range_m),
-                reflectance: p.reflectance,
-            }
-        };
-        self.near(at).filter(|p| is_there(p)).map(glance).collect()
+        self.near(at).filter(|p| is_there(p)).map(|p| self.glance(p)).collect()
     }
 
     /// Points on the ground and up to a kerb above and below it, likewise.

@@ -175,6 +175,28 @@ mod tests {
     }
 
     #[test]
+    fn the_report_of_an_earlier_version_is_read_without_what_it_did_not_ask() {
+        let folder = tempfile::tempdir().unwrap();
+        let map = folder.path().join("04.csm");
+        let mut written = serde_json::to_value(report(b"some map")).unwrap();
+        let registration = written["registration"].as_object_mut().unwrap();
+        for key in ["survey_doubted_frames", "survey_doubt_most"] {
+            assert!(registration.remove(key).is_some(), "{key}");
+        }
+        std::fs::write(path_beside(&map), written.to_string()).unwrap();
+        assert_eq!(read_beside(&map, b"some map").unwrap(), Some(report(b"some map")));
+    }
+
+    #[test]
+    fn a_doubted_survey_is_named() {
+        let mut doubted = report(b"");
+        let is_named = |report: &BuildReport| crate::inspect::build_text(report).contains("contradicts the scans");
+        assert!(!is_named(&doubted));
+        (doubted.registration.survey_doubted_frames, doubted.registration.survey_doubt_most) = (9, 4.2);
+        assert!(is_named(&doubted) && crate::inspect::build_text(&doubted).contains("around 9"));
+    }
+
+    #[test]
     fn counts_add_up() {
         let counts = report(b"").scans;
         assert_eq!((counts.scans, counts.first_frame, counts.last_frame), (2, 5, 10));

@@ -31,16 +31,16 @@ impl Hit {
         let sensor = cloud.sensors[usize::from(p.scan)].at;
         let at = Vector2::new(p.position.x, p.position.z);
         let ray = at - Vector2::new(sensor.x, sensor.z);
-        let from_lidar = ray.try_normalize(1e-6).unwrap_or_else(Vector2::y);
+        let Glance { scan, from_lidar, range_m, reflectance } = cloud.glance(p);
         Self {
             at,
             height: -p.position.y,
             above_ground: f64::from(p.height_m),
             from_lidar,
-            scan: p.scan,
+            scan,
             elevation_rad: (sensor.y - p.position.y).atan2(ray.norm()),
-            range: f64::from(p.range_m),
-            reflectance: p.reflectance,
+            range: range_m,
+            reflectance,
         }
     }
 

@@ -191,7 +191,7 @@ pub fn fit_pole<'a>(
     // Plates are wide, too, but no stems.
     let is_cut_off = inlier_m >= config.inlier_m
         && radius_across(&free.hits, &axis, config) > config.cut_off_share * inlier_m
-        && reflectance(&run, &lidar.sheeting) < config.sheeting_reflectance;
+        && reflectance(&run, config, &lidar.sheeting) < config.sheeting_reflectance;
     if let Some(wider) = is_cut_off.then(|| along(&axis, config.thickest_m)).flatten() {
         (run, free) = wider;
         axis = refined(&free.hits, axis);
@@ -271,18 +271,19 @@ struct Seen<'a> {
 
 /// The largest reflectance that at least three hits have; of what only glints, that
 /// of most hits.
-fn reflectance(hits: &[Hit], sheeting: &SheetingConfig) -> f32 {
+fn reflectance(hits: &[Hit], config: &PoleConfig, sheeting: &SheetingConfig) -> f32 {
     let mut bright: Vec<f32> = hits.iter().map(|h| h.reflectance).collect();
     bright.sort_by(|a, b| b.total_cmp(a));
     let Some(&third) = bright.get(2) else { return 0.0 };
-    if third < sheeting.saturated {
+    let least = config.sheeting_reflectance;
+    if third < least {
         return third;
     }
-    let heights = || hits.iter().filter(|h| h.reflectance >= sheeting.saturated).map(|h| h.above_ground);
+    let heights = || hits.iter().filter(|h| h.reflectance >= least).map(|h| h.above_ground);
     let (low_m, high_m) = (heights().fold(f64::INFINITY, f64::min), heights().fold(f64::NEG_INFINITY, f64::max));
     let there: Vec<Glance> =
         hits.iter().filter(|h| (low_m..=high_m).contains(&h.above_ground)).map(Hit::glance).collect();
-    if sheeting.is_steady(&there, sheeting.saturated) { third } else { bright[bright.len() / 2] }
+    if sheeting.is_steady(&there, least) { third } else { bright[bright.len() / 2] }
 }
 
 /// Describes what is seen of a pole by the axis that fits it best, but for what
@@ -327,7 +328,7 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
         top_is_open: highest > view.ceiling() - config.open_top_m,
         attached_share: 0.0,
         rail: None,
-        reflectance: reflectance(seen.run, &lidar.sheeting),
+        reflectance: reflectance(seen.run, config, &lidar.sheeting),
         shows_plates_alone: foot_height_m >= config.sheet_m[0] && is_plate(seen.post, axis, radius_m, config),
         slope: axis.slope,
         slope_of_hits: axis.slope_of_hits,

@@ -48,9 +48,11 @@ pub struct Report {
     pub survey_sigma_m: f64,
     /// Stitched frames around which the survey's motion contradicts the scans,
     /// as where it had no satellites.
+    #[serde(default)]
     pub survey_doubted_frames: usize,
     /// How many times less accurate than stated it was counted there at most;
-    /// 1 where it was believed throughout.
+    /// 1 where it was believed throughout, 0 in reports of versions that did not ask.
+    #[serde(default)]
     pub survey_doubt_most: f64,
     /// What places that the drive comes back to gave.
     pub revisits: RevisitReport,

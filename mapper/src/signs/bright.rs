@@ -33,10 +33,11 @@ pub fn bright_plates(cloud: &Cloud, config: &SignConfig, lidar: &LidarConfig) ->
     clusters(&bright, config.join_m)
         .iter()
         .flat_map(|c| plates(c, config, lidar))
-        .filter(|c| bright_share(c, cloud) >= config.least_bright_share)
         .filter(|c| {
             let (seen, bright) = (glances(c, cloud), config.least_reflectance);
-            lidar.sheeting.saturates(&seen, bright) && lidar.sheeting.is_steady(&seen, bright)
+            bright_share(c, &seen) >= config.least_bright_share
+                && lidar.sheeting.saturates(&seen, bright)
+                && lidar.sheeting.is_steady(&seen, bright)
         })
         .filter(|c| following(c, cloud) <= config.largest_following)
         .filter_map(|c| {
@@ -91,33 +92,21 @@ pub(crate) fn clusters<'a>(points: &[&'a CloudPoint], join_m: f64) -> Vec<Vec<&'
     groups
 }
 
-/// The corners of the box around a cluster.
-fn corners(cluster: &[&CloudPoint]) -> (Point3<f64>, Point3<f64>) {
-    let first = cluster[0].position;
-    cluster.iter().fold((first, first), |(low, high), p| (low.inf(&p.position), high.sup(&p.position)))
-}
-
-fn middle(low: &Point3<f64>, high: &Point3<f64>) -> Point2<f64> {
-    Point2::new(f64::midpoint(low.x, high.x), f64::midpoint(low.z, high.z))
-}
-
 /// What all scans saw in the box around a cluster.
 fn glances(cluster: &[&CloudPoint], cloud: &Cloud) -> Vec<Glance> {
-    let (low, high) = corners(cluster);
-    cloud.glances(&middle(&low, &high), |p| p.position >= low && p.position <= high)
+    let first = cluster[0].position;
+    let (low, high) =
+        cluster.iter().fold((first, first), |(low, high), p| (low.inf(&p.position), high.sup(&p.position)));
+    let middle = Point2::new(f64::midpoint(low.x, high.x), f64::midpoint(low.z, high.z));
+    cloud.glances(&middle, |p| p.position >= low && p.position <= high)
 }
 
-/// Share of bright points in the box around a cluster, in its own scans.
-fn bright_share(cluster: &[&CloudPoint], cloud: &Cloud) -> f64 {
-    let (low, high) = corners(cluster);
+/// Share of bright points among what its own scans saw in the box around a cluster.
+fn bright_share(cluster: &[&CloudPoint], seen: &[Glance]) -> f64 {
     let mut scans: Vec<u16> = cluster.iter().map(|p| p.scan).collect();
     scans.sort_unstable();
     scans.dedup();
-    let inside = cloud
-        .near(&middle(&low, &high))
-        .filter(|p| p.position >= low && p.position <= high)
-        .filter(|p| scans.binary_search(&p.scan).is_ok())
-        .count();
+    let inside = seen.iter().filter(|glance| scans.binary_search(&glance.scan).is_ok()).count();
     cluster.len() as f64 / inside.max(1) as f64
 }
 

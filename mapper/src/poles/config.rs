@@ -218,6 +218,17 @@ pub struct PoleConfig {
     /// bollards are tubes of 6 to 12 cm across, measured to 3 cm; what is thicker
     /// is a gate post, a person or a box.
     pub thickest_short_m: f64,
+    /// The same of what carries sheeting, metres: it dazzles.
+    pub thickest_equipped_m: f64,
+    /// Radius of what ends below any sign up to which it is no corner of a vehicle
+    /// with its tail lamp, metres.
+    pub slender_short_m: f64,
+    /// Least visibility of a thicker one that is attached to something: a delineator in
+    /// a hedge stands out of it to the road, and corners are seen from one side.
+    pub least_visibility_in_hedge: f64,
+    /// Least share of its hits that are on sheeting: reflectors of delineators are 0.18 m
+    /// of 0.8 m high, those of vehicles 0.05 to 0.1 m.
+    pub least_bright_share: f64,
     /// Reflectance of retro-reflective sheeting: the lidar saturates on it.
     pub least_reflectance: f32,
     /// The same for what must have been put up for the traffic.
@@ -339,6 +350,10 @@ impl Default for PoleConfig {
             pillars_alike_m: 0.02,
             short_top_m: 1.8,
             thickest_short_m: 0.09,
+            thickest_equipped_m: 0.11,
+            slender_short_m: 0.05,
+            least_visibility_in_hedge: 0.5,
+            least_bright_share: 0.15,
             least_reflectance: 0.7,
             sheeting_reflectance: 0.9,
             reflector_m: [0.35, 1.2],

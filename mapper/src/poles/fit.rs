@@ -50,6 +50,10 @@ pub struct FittedPole {
     pub rail: Option<Vector2<f64>>,
     /// Largest reflectance that at least three of its points have.
     pub reflectance: f32,
+    /// Share of its points that are as bright as sheeting.
+    pub bright_share: f64,
+    /// Height of the third highest of them above ground, metres; 0 where there are fewer.
+    pub bright_top_m: f64,
     /// Whether all that is seen of it is the plates that it carries: its axis is then in
     /// their middle.
     pub shows_plates_alone: bool,
@@ -312,6 +316,8 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
         .map(|height| view.expected(height, config.slice_m, width_m))
         .sum();
     let hit: f64 = seen.free.hits.iter().map(|h| cloud.view_weight[usize::from(h.scan)]).sum();
+    // From below, as the run is.
+    let bright: Vec<&Hit> = seen.run.iter().filter(|hit| hit.reflectance >= config.least_reflectance).collect();
     let mut pole = FittedPole {
         foot: Point3::new(0.0, -foot, 0.0),
         top: Point3::new(0.0, -highest, 0.0),
@@ -329,6 +335,8 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
         attached_share: 0.0,
         rail: None,
         reflectance: reflectance(seen.run, config, &lidar.sheeting),
+        bright_share: bright.len() as f64 / seen.run.len() as f64,
+        bright_top_m: bright.iter().rev().nth(2).map_or(0.0, |hit| hit.above_ground),
         shows_plates_alone: foot_height_m >= config.sheet_m[0] && is_plate(seen.post, axis, radius_m, config),
         slope: axis.slope,
         slope_of_hits: axis.slope_of_hits,

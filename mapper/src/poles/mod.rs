@@ -91,7 +91,7 @@ fn is_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {
 fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {
     let free_share = pole.free_m / (pole.top_height_m - pole.foot_height_m);
     let least_free_m = if pole.foot_height_m > 0.0 { config.least_free_hanging_m } else { config.least_free_m };
-    let is_equipment = pole.has_sheeting(config);
+    let is_equipment = is_equipment(pole, config);
     let carries_plate = is_equipment || pole.shows_plates_alone;
     let least_share = if carries_plate {
         config.least_free_share_sign
@@ -117,6 +117,19 @@ fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> boo
         && pole.top_height_m >= config.lowest_top_m
         && pole.free_m >= least_free_m
         && free_share >= least_share
+}
+
+/// Whether the sheeting on it says that it was put up for the traffic: it is at the
+/// height of signs, or that of a delineator. Tail lamps of parked cars reflect as those
+/// do, but they are on round corners, of which one side is seen, and on little of their
+/// height.
+fn is_equipment(pole: &FittedPole, config: &PoleConfig) -> bool {
+    let may_be_in_hedge = pole.radius_m <= config.slender_short_m
+        || pole.visibility >= config.least_visibility_in_hedge && pole.bright_share >= config.least_bright_share;
+    let is_delineator = pole.is_short(config)
+        && pole.radius_m <= config.thickest_equipped_m
+        && (pole.attached_share <= config.largest_attached_share || may_be_in_hedge);
+    pole.has_sheeting(config) && (is_delineator || pole.bright_top_m >= config.sheet_m[0])
 }
 
 /// In what share of its slices something may reach from it outwards. Boards and

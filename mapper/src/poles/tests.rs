@@ -160,6 +160,39 @@ fn a_delineator_before_a_hedge_is_found_by_its_reflector() {
     assert!((poles[0].1.foot - foot).norm() < 0.06, "{:?}", poles[0].1);
 }
 
+/// Poles found where a parked car's tail lamp, or a reflector as high as a delineator's,
+/// is on the corner of a car: the rear from z = 25 on, the side along x = 3.5.
+fn on_the_corner_of_a_car(is_delineator: bool) -> Vec<(PoleKind, FittedPole)> {
+    let mut street = Street::new();
+    let at = |x: f64, up_m: f64, z: f64| Point3::new(x, CAMERA_HEIGHT_M - up_m, z);
+    for scan in 0..5_u16 {
+        for up_m in (0..22).map(|k| 0.25 + 0.05 * f64::from(k)) {
+            for i in 0..34 {
+                // Corners are rounded.
+                let along_m = 0.05 * f64::from(i);
+                let rounded_m = 0.1 - (0.2 * along_m - along_m.powi(2)).max(0.0).sqrt();
+                let inset_m = if along_m < 0.1 { rounded_m } else { 0.0 };
+                let is_lamp = (0.8..0.88).contains(&up_m) && i < 4;
+                street.add(at(3.5 + along_m, up_m, 25.0 + inset_m), scan, if is_lamp { 0.99 } else { 0.15 }, None);
+                street.add(at(3.5 + inset_m, up_m, 25.0 + 2.0 * along_m), scan, 0.15, None);
+            }
+        }
+    }
+    if is_delineator {
+        let foot = Point3::new(3.45, CAMERA_HEIGHT_M, 24.9);
+        post(&mut street, foot, 1.0, 0.05);
+        reflector(&mut street, foot, 0.75);
+    }
+    found(street)
+}
+
+#[test]
+fn the_tail_lamp_of_a_parked_car_is_no_delineator_and_one_beside_it_is() {
+    assert!(on_the_corner_of_a_car(false).is_empty());
+    let kinds: Vec<PoleKind> = on_the_corner_of_a_car(true).into_iter().map(|pole| pole.0).collect();
+    assert_eq!(kinds, [PoleKind::Delineator]);
+}
+
 /// Poles found where a retro-reflective plate is 0.22 m before a fence that is as
 /// high as its lower edge, on a post or on the fence.
 fn sign_before_fence(is_on_post: bool) -> Vec<(PoleKind, FittedPole)> {

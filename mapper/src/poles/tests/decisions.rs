@@ -76,10 +76,28 @@ fn what_is_attached_half_its_length_has_to_be_seen_well_even_with_sheeting() {
     let config = PoleConfig::default();
     let (pole, stack) = slender();
     let is_pole = |attached_share: f64, visibility: f64| {
-        is_pole(&FittedPole { attached_share, visibility, reflectance: 0.99, ..pole.clone() }, &stack, &config)
+        let signed = FittedPole { reflectance: 0.99, bright_top_m: 2.0, ..pole.clone() };
+        is_pole(&FittedPole { visibility, attached_share, ..signed }, &stack, &config)
     };
-    // The lamp of a parked car, and a delineator in a hedge.
     assert!(!is_pole(1.0, 0.15) && is_pole(1.0, 0.6) && is_pole(0.2, 0.15));
+}
+
+#[test]
+fn a_reflector_on_what_is_attached_makes_a_delineator_of_what_is_slender_or_bright_or_seen_well() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let short = FittedPole { reflectance: 0.99, bright_top_m: 0.9, free_m: 0.8, top_is_open: false, ..pole };
+    let is_pole = |attached_share: f64, radius_m: f64, visibility: f64, bright_share: f64, top_height_m: f64| {
+        let changed = FittedPole { top_height_m, radius_m, visibility, attached_share, bright_share, ..short.clone() };
+        is_pole(&changed, &stack, &config)
+    };
+    // In a hedge: slender, and as wide as the reflector dazzles.
+    assert!(is_pole(1.0, 0.04, 0.4, 0.1, 1.0) && is_pole(1.0, 0.08, 0.8, 0.25, 1.0));
+    // Tail lamps: small, or seen from one side, or on a corner that goes on above.
+    assert!(!is_pole(1.0, 0.08, 0.8, 0.08, 1.0) && !is_pole(1.0, 0.08, 0.4, 0.25, 1.0));
+    assert!(!is_pole(1.0, 0.04, 0.8, 0.25, 1.9) && !is_pole(0.2, 0.13, 0.8, 0.25, 1.0));
+    // A post that stands free.
+    assert!(is_pole(0.2, 0.08, 0.4, 0.1, 1.0));
 }
 
 #[test]

@@ -128,7 +128,7 @@ fn is_equipment(pole: &FittedPole, config: &PoleConfig) -> bool {
         || pole.visibility >= config.least_visibility_in_hedge && pole.bright_share >= config.least_bright_share;
     let is_delineator = pole.is_short(config)
         && pole.radius_m <= config.thickest_equipped_m
-        && (pole.attached_share <= config.largest_attached_share || may_be_in_hedge);
+        && (pole.attached_share <= config.largest_attached_share_wall || may_be_in_hedge);
     pole.has_sheeting(config) && (is_delineator || pole.bright_top_m >= config.sheet_m[0])
 }
 

@@ -57,6 +57,9 @@ pub struct Config {
 /// with the square of both.
 pub const LIMITS: &[Limits] = &[
     limits("quantum_m", 0.001, 1.0),
+    limits("input.full_intensity", 0.0, 1e9),
+    limits("input.held_points", 1000.0, 1e12),
+    limits("input.*_s", 0.0, 3600.0),
     limits("lidar.*_step_rad", 1e-5, 0.2),
     limits("lidar.apex_m", -10.0, 10.0),
     limits("lidar.*est_rad", -1.6, 1.6),
@@ -66,6 +69,7 @@ pub const LIMITS: &[Limits] = &[
     limits("cloud.half_width_m", 1.0, 200.0),
     limits("cloud.beyond_m", 0.0, 500.0),
     limits("cloud.*_m", 0.0, 1000.0),
+    limits("cloud.most_from_one_place", 1.0, 1e6),
     limits("refine.*voxel_m", 0.05, 10.0),
     limits("refine.*step_m", 0.05, 10.0),
     limits("refine.*spacing_m", 0.5, 1000.0),
@@ -74,11 +78,25 @@ pub const LIMITS: &[Limits] = &[
     limits("refine.graph.*sigma_rad", 1e-6, 10.0),
     limits("refine.graph.robust_sigmas", 0.1, 1e6),
     limits("refine.*_m", 0.0, 10_000.0),
+    limits("refine.vertical_angle.fixed_rad", -0.2, 0.2),
+    limits("refine.*_rad", 0.0, 3.2),
+    limits("refine.*_cos", -1.0, 1.0),
+    limits("refine.*overlap", 0.0, 1.0),
+    limits("refine.*rival", 0.0, 1.0),
+    limits("refine.align.surface.fewest_points", 3.0, 1e6),
+    limits("refine.align.surface.*", 0.0, 1.0),
+    limits("refine.*sigmas", 0.1, 1e6),
+    limits("refine.*inflation", 1e-3, 1e6),
+    limits("refine.*", 1.0, 1e6),
     limits("ground.cell_m", 0.1, 20.0),
     range("ground.camera_height_m", 0.0, 100.0),
     limits("ground.*_m", 0.0, 100.0),
+    limits("ground.fewest_points", 1.0, 1e6),
+    limits("ground.least_under_path", 0.0, 100.0),
     limits("roads.length_m", 5.0, 1000.0),
     limits("roads.*_m", 0.0, 10_000.0),
+    limits("roads.per_window", 1.0, 1000.0),
+    limits("roads.parallel_rad", 0.0, 3.2),
     limits("poles.column_m", 0.02, 1.0),
     limits("poles.slice_m", 0.02, 2.0),
     range("poles.crown_radii_m", 0.0, 60.0),
@@ -92,10 +110,16 @@ pub const LIMITS: &[Limits] = &[
     limits("poles.trees.tree_lean_rad", 0.001, 1.0),
     limits("poles.trees.*", 0.0, 1e6),
     limits("poles.leaning_share", 0.0, 0.5),
-    limits("poles.least_free_share*", 0.0, 1.0),
     limits("poles.*_share", 0.0, 1.0),
+    limits("poles.least_free_share*", 0.0, 1.0),
+    limits("poles.largest_attached_share*", 0.0, 1.0),
+    limits("poles.largest_looked_through", 0.0, 1.0),
+    limits("poles.*reflectance", 0.0, 1.0),
+    limits("poles.least_visibility*", 0.0, 100.0),
+    limits("poles.fewest_points", 4.0, 1e6),
     limits("poles.*_rad", 1e-6, 1.5),
     limits("poles.*_m", 0.0, 60.0),
+    limits("poles.*", 0.0, 1e6),
     range("signs.*.width_m", 0.0, 60.0),
     range("signs.lights.seen_m", 0.0, 60.0),
     limits("signs.outline.odd_share", 0.001, 0.5),
@@ -103,6 +127,16 @@ pub const LIMITS: &[Limits] = &[
     limits("signs.outline.most_missed", 1.0, 1e6),
     limits("signs.lights.most_own_odds", 1.0, 1e6),
     limits("signs.*_m", 0.0, 60.0),
+    limits("signs.*_share", 0.0, 1.0),
+    limits("signs.*reflectance", 0.0, 1.0),
+    limits("signs.*agreement*", 0.0, 1.0),
+    limits("signs.outline.least_cosine", 0.0, 1.0),
+    limits("signs.outline.bright", 0.0, 1.0),
+    limits("signs.outline.beam_rad", 1e-6, 0.2),
+    limits("signs.outline.aspect_spread", 0.01, 10.0),
+    limits("signs.lights.darkest", 0.0, 1.0),
+    limits("signs.fewest*", 1.0, 1e6),
+    limits("signs.*", 0.0, 1e6),
     limits("lanes.window_m", 2.0, 200.0),
     limits("lanes.apart_m", 0.0, 5.0),
     limits("lanes.*step_m", 0.1, 200.0),
@@ -123,15 +157,28 @@ pub const LIMITS: &[Limits] = &[
     limits("lanes.most_bin_points", 1.0, 255.0),
     limits("lanes.least_worn_ratio", 1.5, 100.0),
     limits("lanes.*_m", 0.0, 1000.0),
+    limits("lanes.*_share", 0.0, 1.0),
+    limits("lanes.contrast.highest_rad", -1.6, 1.6),
+    limits("lanes.contrast.least_noise", 1e-4, 1.0),
+    limits("lanes.*_rad", 0.0, 3.2),
+    limits("lanes.*", 0.0, 1e6),
     limits("evidence.slice_m", 0.01, 2.0),
     limits("evidence.piece_m", 0.1, 200.0),
     limits("evidence.*_m", 0.0, 100.0),
+    limits("evidence.*_share", 0.0, 1.0),
+    limits("evidence.*_rad", 1e-6, 3.2),
+    limits("evidence.scan_sigma_scans", 0.1, 1e6),
     limits("fuse.lane_step_m", 0.1, 50.0),
     limits("fuse.*_m", 0.0, 100.0),
+    limits("fuse.lane_angle_rad", 0.0, 3.2),
     limits("budget.place_step_m", 0.5, 1000.0),
     // Shares of images.
     limits("budget.found.*s", 0.0, 1.0),
     limits("budget.*_m", 0.0, 1000.0),
+    limits("budget.camera.centre_row_px", -1e5, 1e5),
+    limits("budget.camera.*_px", 1.0, 1e5),
+    limits("budget.*sigma*", 1e-6, 1e4),
+    limits("budget.*", 0.0, 1e6),
 ];
 
 impl Config {
@@ -161,5 +208,38 @@ impl Default for Config {
             fuse: FuseConfig::default(),
             budget: BudgetConfig::default(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use common::config::to_toml;
+
+    use super::*;
+
+    #[test]
+    fn each_number_has_limits_and_the_defaults_lie_within_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("settings.toml");
+        let all = to_toml(&Config::default()).unwrap();
+        fs::write(&path, &all).unwrap();
+        assert_eq!(Config::load(Some(&path)).unwrap(), Config::default());
+        let mut table = "";
+        let mut tried = 0;
+        for line in all.lines() {
+            if line.starts_with('[') {
+                table = line;
+            } else if let Some((key, value)) = line.split_once(" = ")
+                && let Ok(number) = value.parse::<f64>()
+            {
+                let far = if value.contains('.') || value.contains('e') { "-1e12" } else { "-1000000000000" };
+                fs::write(&path, format!("{table}\n{key} = {far}\n")).unwrap();
+                assert!(Config::load(Some(&path)).is_err(), "{table} {key} = {number} may be {far}");
+                tried += 1;
+            }
+        }
+        assert!(tried > 300, "{tried}");
     }
 }

@@ -129,7 +129,7 @@ pub const LIMITS: &[Limits] = &[
     limits("signs.*_m", 0.0, 60.0),
     limits("signs.*_share", 0.0, 1.0),
     limits("signs.*reflectance", 0.0, 1.0),
-    limits("signs.*agreement*", 0.0, 1.0),
+    limits("signs.backs.least_agreement*", 0.0, 1.0),
     limits("signs.outline.least_cosine", 0.0, 1.0),
     limits("signs.outline.bright", 0.0, 1.0),
     limits("signs.outline.beam_rad", 1e-6, 0.2),
@@ -177,7 +177,9 @@ pub const LIMITS: &[Limits] = &[
     limits("budget.*_m", 0.0, 1000.0),
     limits("budget.camera.centre_row_px", -1e5, 1e5),
     limits("budget.camera.*_px", 1.0, 1e5),
-    limits("budget.*sigma*", 1e-6, 1e4),
+    limits("budget.*sigma_px", 1e-6, 1e4),
+    limits("budget.*_sigma", 1e-6, 1e4),
+    limits("budget.sign_sigma_of_size", 1e-6, 1e4),
     limits("budget.*", 0.0, 1e6),
 ];
 

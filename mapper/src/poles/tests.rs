@@ -168,10 +168,9 @@ fn on_the_corner_of_a_car(is_delineator: bool) -> Vec<(PoleKind, FittedPole)> {
     for scan in 0..5_u16 {
         for up_m in (0..22).map(|k| 0.25 + 0.05 * f64::from(k)) {
             for i in 0..34 {
-                // Corners are rounded.
                 let along_m = 0.05 * f64::from(i);
-                let rounded_m = 0.1 - (0.2 * along_m - along_m.powi(2)).max(0.0).sqrt();
-                let inset_m = if along_m < 0.1 { rounded_m } else { 0.0 };
+                // Corners are rounded, by 0.1 m.
+                let inset_m = [0.1, 0.013].get(i as usize).copied().unwrap_or(0.0);
                 let is_lamp = (0.8..0.88).contains(&up_m) && i < 4;
                 street.add(at(3.5 + along_m, up_m, 25.0 + inset_m), scan, if is_lamp { 0.99 } else { 0.15 }, None);
                 street.add(at(3.5 + inset_m, up_m, 25.0 + 2.0 * along_m), scan, 0.15, None);

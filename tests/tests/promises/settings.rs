@@ -56,11 +56,38 @@ fn hold<T: Serialize + DeserializeOwned + Default + PartialEq + std::fmt::Debug>
     }
 }
 
+/// Every number has limits that a trillion below zero is beyond.
+fn limit_all<T: Serialize + DeserializeOwned + Default>(limits: &[Limits]) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("one.toml");
+    let all = to_toml(&T::default()).unwrap();
+    let (mut table, mut tried) = ("", 0);
+    for line in all.lines() {
+        if line.starts_with('[') {
+            table = line;
+        } else if let Some((key, value)) = line.split_once(" = ")
+            && value.parse::<f64>().is_ok()
+        {
+            // Whole numbers would be refused for a fraction.
+            let far = if value.contains(['.', 'e']) { "-1e12" } else { "-1000000000000" };
+            std::fs::write(&file, format!("{table}\n{key} = {far}\n")).unwrap();
+            assert!(load_within::<T>(&file, limits).is_err(), "{table} {key} may be {far}");
+            tried += 1;
+        }
+    }
+    assert!(tried > 300, "{tried} settings");
+}
+
 #[test]
 fn limits_are_of_settings_and_hold_their_defaults() {
     hold::<mapper::Config>(mapper::config::LIMITS);
     hold::<mapper::validate::ValidateConfig>(mapper::validate::LIMITS);
     hold::<localizer::config::Config>(localizer::config::LIMITS);
+}
+
+#[test]
+fn every_number_of_the_mapper_has_limits() {
+    limit_all::<mapper::Config>(mapper::config::LIMITS);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::{ContrastConfig, FordConfig, MarkConfig, RhythmConfig, SideConfig};
+use super::{ContrastConfig, FordConfig, MarkConfig, RhythmConfig, SideConfig, SpacingConfig};
 
 /// How lane lines are found and described.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -170,6 +170,8 @@ pub struct LaneConfig {
     /// chain of windows, as a ratio, to be preferred: the chain has more freedom
     /// to follow it, some 5 % where it does not swing at all.
     pub largest_simple_ratio: f64,
+    /// Distances of dashes.
+    pub spacing: SpacingConfig,
     /// Ends of the marks of dashed lines.
     pub marks: MarkConfig,
     /// Short dashes that are seen from afar.
@@ -242,6 +244,7 @@ impl Default for LaneConfig {
             height_tolerance_m: 0.03,
             smooth_m: 4.0,
             largest_simple_ratio: 1.1,
+            spacing: SpacingConfig::default(),
             marks: MarkConfig::default(),
             rhythm: RhythmConfig::default(),
             fords: FordConfig::default(),

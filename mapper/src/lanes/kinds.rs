@@ -6,6 +6,7 @@ use common::map::LaneKind;
 
 use super::LaneConfig;
 use super::profile::{Bin, runs};
+use super::spacing::are_even;
 
 /// A stretch of a line that is painted in one way: bins from the first of its
 /// paint to the first of the next stretch.
@@ -92,7 +93,8 @@ fn are_solid(group: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> Vec<b
 }
 
 /// Whether runs of paint are the dashes of a line: enough of them, half of
-/// them as long as a dash or repeating as dashes do, and not too far apart.
+/// them as long as a dash or repeating as dashes do, not too far apart, and
+/// evenly so.
 fn are_dashes(part: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> bool {
     let (Some(first), Some(last)) = (part.first(), part.last()) else { return false };
     let painted: usize = part.iter().map(ExactSizeIterator::len).sum();
@@ -102,6 +104,7 @@ fn are_dashes(part: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> bool 
     part.len() >= config.fewest_dashes
         && (lengths[lengths.len() / 2] as f64 * config.profile_m >= config.shortest_dash_m || repeats())
         && painted as f64 >= config.least_painted * (last.end - first.start) as f64
+        && are_even(part, config)
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ mod profile;
 mod rhythm;
 mod side_streets;
 mod simplify;
+mod spacing;
 mod symbols;
 #[cfg(test)]
 mod tests;
@@ -34,4 +35,5 @@ pub use polyline::lines_along;
 pub use rhythm::RhythmConfig;
 pub use side_streets::{SideConfig, find_side_lines};
 pub use simplify::{fitted, simplify};
+pub use spacing::SpacingConfig;
 pub use windows::WindowLine;

@@ -24,7 +24,8 @@ struct Arguments {
     /// What is farther from the driven path does not count, metres.
     #[arg(long, value_name = "M", default_value_t = 20.0)]
     within: f64,
-    /// Name each pole, sign and light that is missing or wrong.
+    /// Name each pole, sign, light and part of a lane line that is missing or
+    /// wrong.
     #[arg(long)]
     list: bool,
 }
@@ -77,6 +78,20 @@ fn print(score: &MapScore, arguments: &Arguments) {
         for sign in &score.wrong_signs {
             let p = &sign.centroid_map;
             common::say!("wrong  x {:8.2}  z {:8.2}  {}, y {:.2}", p.x, p.z, sign.kind.name(), p.y);
+        }
+        for (what, stretches) in [("missed", &score.missed_lanes), ("wrong ", &score.wrong_lanes)] {
+            for part in stretches {
+                let (p, q) = (&part.from_map_m, &part.to_map_m);
+                common::say!(
+                    "{what} x {:8.2}  z {:8.2}  {} line, {:.2} m to x {:.2}, z {:.2}",
+                    p.x,
+                    p.z,
+                    part.kind,
+                    part.length_m,
+                    q.x,
+                    q.z
+                );
+            }
         }
     }
 }

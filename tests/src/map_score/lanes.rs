@@ -5,7 +5,7 @@ use common::map::{LaneKind, LaneLine, RoadId, SemanticMap};
 use fixtures::truth::{TrueLane, Truth};
 use nalgebra::Point3;
 
-use super::{Found, rms, share};
+use super::{Found, MapScore, rms, share};
 
 /// How far an end of a mark may be off: half of the shortest marks, metres.
 const MARK_WITHIN_M: f64 = 0.5;
@@ -45,41 +45,90 @@ pub(super) fn marks(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f6
     }
 }
 
-/// Lane lines found, and the share of their length with the right kind.
-pub(super) fn lanes(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool) -> (Found, f64) {
+/// A line that stands in one of the two, map or truth: its kind and its points.
+type Line = (String, Vec<Point3<f64>>);
+
+/// A part of a lane line that the other, map or truth, does not have.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stretch {
+    /// Its first sample in the map frame, metres.
+    pub from_map_m: Point3<f64>,
+    /// Its last sample, likewise.
+    pub to_map_m: Point3<f64>,
+    /// Its length, metres.
+    pub length_m: f64,
+    /// The kind of the line that it is part of.
+    pub kind: String,
+}
+
+/// Lane lines of one, map or truth, along those of the other.
+#[derive(Default)]
+struct Along {
+    /// Length that counts, metres.
+    length_m: f64,
+    /// Length of it that has a line of the other beside it, metres.
+    near_m: f64,
+    /// Length of that which is of the same kind there, metres.
+    same_kind_m: f64,
+    /// Squares of the distances across, of its samples.
+    squares: Vec<f64>,
+    /// What has none.
+    alone: Vec<Stretch>,
+}
+
+impl Along {
+    fn of(lines: &[Line], others: &[Line], counts: &dyn Fn(&Point3<f64>) -> bool) -> Self {
+        let mut along = Self::default();
+        for (kind, line) in lines {
+            let mut open: Option<Stretch> = None;
+            for sample in sampled(line).into_iter().filter(|p| counts(p)) {
+                along.length_m += SAMPLE_M;
+                let nearest = others.iter().map(|(kind, line)| (distance_from_above_m(&sample, line), kind));
+                let near = nearest.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(off_m, _)| *off_m < LANE_WITHIN_M);
+                if let Some((off_m, other)) = near {
+                    along.near_m += SAMPLE_M;
+                    along.same_kind_m += if other == kind { SAMPLE_M } else { 0.0 };
+                    along.squares.push(off_m * off_m);
+                    along.alone.extend(open.take());
+                } else {
+                    let stretch = open.get_or_insert_with(|| Stretch {
+                        from_map_m: sample,
+                        to_map_m: sample,
+                        length_m: 0.0,
+                        kind: kind.clone(),
+                    });
+                    (stretch.to_map_m, stretch.length_m) = (sample, stretch.length_m + SAMPLE_M);
+                }
+            }
+            along.alone.extend(open);
+        }
+        along
+    }
+}
+
+/// Lane lines found, the share of their length with the right kind, and the
+/// parts that are missing and wrong.
+pub(super) fn lanes(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool, score: &mut MapScore) {
     let kind = |lane: &LaneLine| match lane.kind {
         LaneKind::Solid => "solid",
         LaneKind::Dashed => "dashed",
     };
-    let claimed: Vec<(&str, Vec<Point3<f64>>)> =
-        map.lanes.iter().map(|lane| (kind(lane), lane.points_map.clone())).collect();
-    let wanted: Vec<(&str, Vec<Point3<f64>>)> = truth
+    let claimed: Vec<Line> = map.lanes.iter().map(|lane| (kind(lane).to_owned(), lane.points_map.clone())).collect();
+    let wanted: Vec<Line> = truth
         .lanes
         .iter()
-        .map(|lane| (lane.kind.as_str(), lane.points_map_m.iter().map(|p| Point3::from(*p)).collect()))
+        .map(|lane| (lane.kind.clone(), lane.points_map_m.iter().map(|p| Point3::from(*p)).collect()))
         .collect();
-    let (mut squares, mut right_kind) = (Vec::new(), 0.0);
-    let mut covered = |lines: &[(&str, Vec<Point3<f64>>)], others: &[(&str, Vec<Point3<f64>>)], keep: bool| {
-        let (mut near, mut all) = (0.0, 0.0);
-        for (kind, line) in lines {
-            for sample in sampled(line).iter().filter(|p| counts(p)) {
-                all += SAMPLE_M;
-                let nearest = others.iter().map(|(kind, line)| (distance_from_above_m(sample, line), kind));
-                let Some((off_m, found)) = nearest.min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
-                if off_m < LANE_WITHIN_M {
-                    near += SAMPLE_M;
-                    if keep {
-                        squares.push(off_m * off_m);
-                        right_kind += if found == kind { SAMPLE_M } else { 0.0 };
-                    }
-                }
-            }
-        }
-        (near, all)
+    let (true_ones, found) = (Along::of(&wanted, &claimed, counts), Along::of(&claimed, &wanted, counts));
+    score.lanes = Found {
+        wanted: true_ones.length_m,
+        hits: true_ones.near_m,
+        claimed: found.length_m,
+        right: found.near_m,
+        off_m: rms(&true_ones.squares),
     };
-    let (hits, wanted_m) = covered(&wanted, &claimed, true);
-    let (right, claimed_m) = covered(&claimed, &wanted, false);
-    (Found { wanted: wanted_m, hits, claimed: claimed_m, right, off_m: rms(&squares) }, share(right_kind, hits))
+    score.lane_kinds = share(true_ones.same_kind_m, true_ones.near_m);
+    (score.missed_lanes, score.wrong_lanes) = (true_ones.alone, found.alone);
 }
 
 /// Points along a polyline.

@@ -8,6 +8,7 @@ use fixtures::truth::{TruePole, TrueSign, Truth, sign_name};
 use nalgebra::{Matrix3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::matching::one_to_one;
+pub use lanes::Stretch;
 use lanes::{lanes, marks};
 
 /// Poles of map and truth are the same within this, metres: half the spacing of
@@ -78,6 +79,10 @@ pub struct MapScore {
     pub missed_signs: Vec<TrueSign>,
     /// Signs and lights of the map that are none.
     pub wrong_signs: Vec<Sign>,
+    /// Parts of true lane lines that are missing.
+    pub missed_lanes: Vec<Stretch>,
+    /// Parts of the map's lane lines that are none.
+    pub wrong_lanes: Vec<Stretch>,
 }
 
 /// Scores a map against the truth within `within_m` of the exact path (poses
@@ -89,7 +94,7 @@ pub fn score(map: &SemanticMap, truth: &Truth, exact: &[Pose], within_m: f64) ->
     poles(map, truth, &counts, &mut score);
     score.signs = signs(map, truth, SignKind::TrafficSign, &counts, &mut score);
     score.lights = signs(map, truth, SignKind::TrafficLight, &counts, &mut score);
-    (score.lanes, score.lane_kinds) = lanes(map, truth, &counts);
+    lanes(map, truth, &counts, &mut score);
     score.marks = marks(map, truth, &counts);
     score
 }

@@ -100,4 +100,7 @@ fn misses_false_ones_and_errors_are_counted_within_reach_only() {
     assert!((score.lanes.precision() - 10.25 / 12.5).abs() < 0.03);
     assert!((score.lanes.off_m - 0.05).abs() < 0.01);
     assert!((score.lane_kinds - 1.0).abs() < 1e-12);
+    let [[missed], [wrong]] = [&score.missed_lanes[..], &score.wrong_lanes[..]] else { panic!("one part of each") };
+    assert!((missed.length_m - 9.75).abs() < 0.3 && (missed.from_map_m.z - 10.25).abs() < 0.3, "{missed:?}");
+    assert!((wrong.length_m - 2.25).abs() < 0.3 && (wrong.to_map_m.x - 4.0).abs() < 0.3, "{wrong:?}");
 }

@@ -69,7 +69,7 @@ pub enum Error {
         path: PathBuf,
     },
     /// Something that should be a number and is none, or not finite.
-    #[error("{}:{line}: `{text}` is not a finite number; correct or replace the file", path.display())]
+    #[error("{}:{line}: `{}` is not a finite number; correct or replace the file", path.display(), text.escape_debug())]
     BadNumber {
         /// The file.
         path: PathBuf,

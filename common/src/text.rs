@@ -14,7 +14,10 @@ use crate::{Error, Result};
 pub(crate) const ROTATION_LIMIT: f64 = 1e-3;
 
 /// The whole file as text.
-pub(crate) fn read(path: &Path) -> Result<String> {
+///
+/// # Errors
+/// [`Error::Io`] where it cannot be read, [`Error::NotText`] where it is not UTF-8.
+pub fn read(path: &Path) -> Result<String> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     String::from_utf8(bytes).map_err(|e| Error::NotText { path: path.to_path_buf(), at: e.utf8_error().valid_up_to() })
 }

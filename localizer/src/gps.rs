@@ -126,10 +126,9 @@ pub fn simulate(truth: &[Pose], config: &GpsConfig, seed: u64) -> Vec<GpsFix> {
 ///
 /// # Errors
 /// [`Error::GpsRow`] and [`Error::GpsTime`] at their line, and
-/// [`common::Error::Io`] or [`common::Error::BadNumber`].
+/// [`common::Error::Io`], [`common::Error::NotText`] or [`common::Error::BadNumber`].
 pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<BTreeMap<usize, GpsFix>> {
-    let text =
-        std::fs::read_to_string(path).map_err(|source| common::Error::Io { path: path.to_path_buf(), source })?;
+    let text = common::read_text(path)?;
     let mut fixes = BTreeMap::new();
     let rows = text.lines().enumerate().map(|(i, row)| (i + 1, row.trim()));
     for (index, (line, row)) in rows.filter(|(_, row)| !row.is_empty() && !row.starts_with('#')).enumerate() {

@@ -93,10 +93,9 @@ impl OdometryLog {
     ///
     /// # Errors
     /// [`Error::OdometryRow`] and [`Error::OdometryTime`] at their line, and
-    /// [`common::Error::Io`] or [`common::Error::BadNumber`].
+    /// [`common::Error::Io`], [`common::Error::NotText`] or [`common::Error::BadNumber`].
     pub fn read(path: &Path) -> Result<Self> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| common::Error::Io { path: path.to_path_buf(), source })?;
+        let text = common::read_text(path)?;
         let mut rows: Vec<(f64, Odometry)> = Vec::new();
         for (i, row) in text.lines().map(str::trim).enumerate() {
             let line = i + 1;

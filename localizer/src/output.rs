@@ -232,8 +232,7 @@ fn number(path: &Path, line: usize, words: &[String], column: usize) -> Result<f
 
 /// The rows below a header that begins with `leading`, each with its line.
 fn rows(path: &Path, leading: &[&str]) -> Result<Vec<(usize, Vec<String>)>> {
-    let text =
-        std::fs::read_to_string(path).map_err(|source| common::Error::Io { path: path.to_path_buf(), source })?;
+    let text = common::read_text(path)?;
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
     if !header.starts_with(leading) {

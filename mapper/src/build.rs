@@ -67,14 +67,15 @@ struct Found {
 /// its landmarks are found.
 ///
 /// # Errors
-/// A scan that cannot be read, what `on_window` returns, and
-/// [`Error::NoGround`].
+/// A scan that cannot be read, what `on_window` returns,
+/// [`Error::SurveyJumps`] and [`Error::NoGround`].
 pub fn build(
     drive: &Drive,
     poses: PoseSource,
     config: &Config,
     mut on_window: impl FnMut(&Window) -> Result<()>,
 ) -> Result<Built> {
+    check_steps(drive, config.roads.longest_step_m)?;
     let registration = match poses {
         PoseSource::Refine => refine(drive, &config.refine)?,
         PoseSource::Given => Registration::given(&drive.survey),
@@ -129,7 +130,8 @@ fn stitch_window(
     let poses = &registration.map_from_camera;
     let (first, last) = (window[0].first, window[window.len() - 1].last);
     let margin = config.cloud.beyond_m;
-    let (from, to) = (reach(poses, first, -1, margin), reach(poses, last, 1, margin));
+    let longest_m = config.roads.longest_step_m;
+    let (from, to) = (reach(poses, first, -1, margin, longest_m), reach(poses, last, 1, margin, longest_m));
     let frames: Vec<usize> = drive.frames.iter().copied().filter(|f| (from..=to).contains(f)).collect();
     let frames = without_standing(&frames, poses, config.cloud.most_from_one_place);
     let cloud = Cloud::stitch(drive, &frames, registration, config)?;
@@ -139,8 +141,26 @@ fn stitch_window(
     Ok((cloud, start..end))
 }
 
-/// The frame reached from `frame` after `distance_m` along the drive.
-fn reach(poses: &[Pose], frame: usize, step: isize, distance_m: f64) -> usize {
+/// The way between the cameras of two frames, metres.
+fn apart_m(poses: &[Pose], a: usize, b: usize) -> f64 {
+    (poses[b].translation.vector - poses[a].translation.vector).norm()
+}
+
+/// That the frames to stitch follow each other as those of one drive do.
+fn check_steps(drive: &Drive, longest_m: f64) -> Result<()> {
+    let (first, last) = drive.span();
+    for (before, after) in (first..last).zip(first + 1..) {
+        let apart_m = apart_m(&drive.survey, before, after);
+        if apart_m > longest_m {
+            return Err(Error::SurveyJumps { drive: drive.name(), before, after, apart_m, longest_m });
+        }
+    }
+    Ok(())
+}
+
+/// The frame reached from `frame` after `distance_m` along the drive, or before a
+/// step of more than `longest_m`.
+fn reach(poses: &[Pose], frame: usize, step: isize, distance_m: f64, longest_m: f64) -> usize {
     let (mut at, mut driven) = (frame, 0.0);
     while driven < distance_m {
         let next = at as isize + step;
@@ -148,7 +168,11 @@ fn reach(poses: &[Pose], frame: usize, step: isize, distance_m: f64) -> usize {
             break;
         }
         let next = next as usize;
-        driven += (poses[next].translation.vector - poses[at].translation.vector).norm();
+        let step_m = apart_m(poses, at, next);
+        if step_m > longest_m {
+            break;
+        }
+        driven += step_m;
         at = next;
     }
     at

@@ -34,6 +34,22 @@ pub enum Error {
         /// Rows in the pose file.
         poses: usize,
     },
+    /// Poses too far apart for one drive.
+    #[error(
+        "{drive}: from frame {before} to frame {after} its survey jumps by {apart_m:.3e} m (`roads.longest_step_m` allows {longest_m}): correct the poses, or build the parts by themselves with --first and --last"
+    )]
+    SurveyJumps {
+        /// The drive.
+        drive: String,
+        /// The frame before the jump.
+        before: usize,
+        /// The one after it.
+        after: usize,
+        /// Their distance, metres.
+        apart_m: f64,
+        /// The longest that is accepted, metres.
+        longest_m: f64,
+    },
     /// Scans and poses that do not belong together.
     #[error(
         "{drive}: ground lies level under {seen_percent:.0} % of the driven path only: scans and poses do not belong together; check the calibration (`Tr` leads from the lidar to the camera) and the frame of the poses"

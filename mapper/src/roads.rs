@@ -33,6 +33,9 @@ pub struct RoadConfig {
     /// Shorter pieces between others of one kind are of that kind, metres:
     /// paths wander at the edge of a carriageway, and turn into it.
     pub shortest_m: f64,
+    /// Longest way from one frame of the survey to the next, metres: that of a
+    /// train in some seconds. What is farther apart are two drives, or a fault.
+    pub longest_step_m: f64,
 }
 
 impl Default for RoadConfig {
@@ -46,6 +49,7 @@ impl Default for RoadConfig {
             storey_m: 4.0,
             least_way_m: 50.0,
             shortest_m: 15.0,
+            longest_step_m: 500.0,
         }
     }
 }

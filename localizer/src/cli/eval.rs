@@ -62,10 +62,7 @@ fn read_truth(path: &Path) -> Result<Vec<Option<Pose>>> {
 /// KITTI rows without their times.
 fn read_rows(path: &Path) -> Result<Trajectory> {
     // Only the order counts here: as many times as there may be rows.
-    let rows = std::fs::read_to_string(path)
-        .map_err(|source| common::Error::Io { path: path.to_path_buf(), source })?
-        .lines()
-        .count();
+    let rows = common::read_text(path)?.lines().count();
     let times_s: Vec<f64> = (0..rows).map(|i| i as f64).collect();
     Ok(Trajectory::read_kitti(path, &times_s)?)
 }
@@ -107,8 +104,7 @@ fn read(args: &EvalArgs, frames: usize) -> Result<(Vec<Recorded>, Vec<Timing>)> 
 
 /// Columns of the first row of a text file.
 fn columns(path: &Path) -> Result<usize> {
-    let text =
-        std::fs::read_to_string(path).map_err(|source| common::Error::Io { path: path.to_path_buf(), source })?;
+    let text = common::read_text(path)?;
     let mut rows = text.lines().map(str::trim).filter(|row| !row.is_empty() && !row.starts_with('#'));
     Ok(rows.next().map_or(0, |row| row.split_whitespace().count()))
 }

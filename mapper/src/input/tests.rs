@@ -137,6 +137,21 @@ fn a_scan_is_the_same_in_every_format() {
 }
 
 #[test]
+fn a_table_of_more_chunks_than_there_are_bytes_takes_no_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.laz");
+    write_las(&path, &points(), None);
+    let mut bytes = std::fs::read(&path).unwrap();
+    let points_at = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize;
+    let table_at = i64::from_le_bytes(bytes[points_at..points_at + 8].try_into().unwrap()) as usize;
+    assert_eq!(bytes[table_at + 4..table_at + 8], [1, 0, 0, 0]);
+    bytes[table_at + 4..table_at + 8].fill(255);
+    std::fs::write(&path, &bytes).unwrap();
+    let said = read(&path).unwrap_err().to_string();
+    assert!(said.contains("promises 4294967295 chunks"), "{said}");
+}
+
+#[test]
 fn a_truncated_scan_is_told_in_one_sentence() {
     let folder = tempfile::tempdir().unwrap();
     for path in files(folder.path()) {

@@ -73,6 +73,21 @@ fn poses_of_the_wrong_length() {
 }
 
 #[test]
+fn a_survey_that_jumps() {
+    let root = plain();
+    let poses = root.path().join("poses/04.txt");
+    let rows = std::fs::read_to_string(&poses).unwrap();
+    let mut rows: Vec<String> = rows.lines().map(str::to_owned).collect();
+    let mut far: Vec<&str> = rows[1].split_whitespace().collect();
+    far[3] = "1e18";
+    rows[1] = far.join(" ");
+    std::fs::write(&poses, rows.join("\n")).unwrap();
+    build_of(root.path(), &[]).refused(&["04", "frame 0 to frame 1", "jumps by 1.000e18 m", "longest_step_m"]);
+    // What is not stitched does not matter.
+    build_of(root.path(), &["--last", "0"]).ok();
+}
+
+#[test]
 fn an_unknown_config_key() {
     let root = plain();
     let config = root.path().join("build.toml");

@@ -103,6 +103,18 @@ pub enum Error {
         /// The largest that is accepted.
         limit: f64,
     },
+    /// Sensors of one vehicle that are too far apart.
+    #[error("{}:{line}: it places one sensor {distance_m:.3e} m from another (at most {limit_m} m is accepted); give metres", path.display())]
+    FarSensor {
+        /// The file.
+        path: PathBuf,
+        /// The line, counted from 1.
+        line: usize,
+        /// Their distance, metres.
+        distance_m: f64,
+        /// The largest that is accepted, metres.
+        limit_m: f64,
+    },
     /// A 3x3 matrix that mirrors.
     #[error("{}:{line}: the matrix is no rotation, it mirrors (its determinant is not positive); check that none of its rows are exchanged or have the wrong sign", path.display())]
     Mirrors {

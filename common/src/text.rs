@@ -13,6 +13,10 @@ use crate::{Error, Result};
 /// 0.06 degrees or a scale of 0.1 %, which no such file should have.
 pub(crate) const ROTATION_LIMIT: f64 = 1e-3;
 
+/// The largest distance of two sensors of a vehicle, metres: a tram is shorter. In
+/// millimetres, those of a car are more apart.
+pub(crate) const MOUNTING_LIMIT_M: f64 = 100.0;
+
 /// The whole file as text.
 ///
 /// # Errors
@@ -58,6 +62,15 @@ pub(crate) fn pose(path: &Path, line: usize, row: &str) -> Result<Pose> {
     let matrix = Matrix3x4::from_row_slice(&values);
     let rotation = rotation(path, line, &matrix.fixed_columns::<3>(0).into_owned())?;
     Ok(Pose::from_parts(Translation3::from(Vector3::new(values[3], values[7], values[11])), rotation))
+}
+
+/// A pose that leads from one sensor of a vehicle to another.
+pub(crate) fn mounting(path: &Path, line: usize, pose: Pose) -> Result<Pose> {
+    let distance_m = pose.translation.vector.norm();
+    if distance_m > MOUNTING_LIMIT_M {
+        return Err(Error::FarSensor { path: path.to_path_buf(), line, distance_m, limit_m: MOUNTING_LIMIT_M });
+    }
+    Ok(pose)
 }
 
 /// The rotation nearest to a printed one.

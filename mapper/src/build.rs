@@ -13,7 +13,7 @@ use crate::lanes::{LanePiece, Paint, find_side_lines, lines_along};
 use crate::passes::Passes;
 use crate::poles::{FittedPole, find_poles};
 use crate::register::{Registration, refine};
-use crate::roads::{Stretch, road, stretches};
+use crate::roads::{RoadConfig, Stretch, road, stretches};
 use crate::signs::{find_signs, name_posts};
 
 /// Where the poses of a build come from.
@@ -68,14 +68,14 @@ struct Found {
 ///
 /// # Errors
 /// A scan that cannot be read, what `on_window` returns,
-/// [`Error::SurveyJumps`] and [`Error::NoGround`].
+/// [`Error::FarFromOrigin`], [`Error::SurveyJumps`] and [`Error::NoGround`].
 pub fn build(
     drive: &Drive,
     poses: PoseSource,
     config: &Config,
     mut on_window: impl FnMut(&Window) -> Result<()>,
 ) -> Result<Built> {
-    check_steps(drive, config.roads.longest_step_m)?;
+    check_survey(drive, &config.roads)?;
     let registration = match poses {
         PoseSource::Refine => refine(drive, &config.refine)?,
         PoseSource::Given => Registration::given(&drive.survey),
@@ -146,9 +146,17 @@ fn apart_m(poses: &[Pose], a: usize, b: usize) -> f64 {
     (poses[b].translation.vector - poses[a].translation.vector).norm()
 }
 
-/// That the frames to stitch follow each other as those of one drive do.
-fn check_steps(drive: &Drive, longest_m: f64) -> Result<()> {
+/// That the frames to stitch lie near the origin, and follow each other as those of
+/// one drive do.
+fn check_survey(drive: &Drive, config: &RoadConfig) -> Result<()> {
+    let (longest_m, farthest_m) = (config.longest_step_m, config.farthest_m);
     let (first, last) = drive.span();
+    for frame in first..=last {
+        let distance_m = drive.survey[frame].translation.vector.norm();
+        if distance_m > farthest_m || distance_m.is_nan() {
+            return Err(Error::FarFromOrigin { drive: drive.name(), frame, distance_m, farthest_m });
+        }
+    }
     for (before, after) in (first..last).zip(first + 1..) {
         let apart_m = apart_m(&drive.survey, before, after);
         if apart_m > longest_m {

@@ -95,6 +95,7 @@ pub const LIMITS: &[Limits] = &[
     limits("ground.least_under_path", 0.0, 100.0),
     limits("roads.length_m", 5.0, 1000.0),
     limits("roads.longest_step_m", 1.0, 2000.0),
+    limits("roads.farthest_m", 1.0, 1e6),
     limits("roads.*_m", 0.0, 10_000.0),
     limits("roads.per_window", 1.0, 1000.0),
     limits("roads.parallel_rad", 0.0, 3.2),

@@ -36,7 +36,7 @@ pub enum Error {
     },
     /// Poses too far apart for one drive.
     #[error(
-        "{drive}: from frame {before} to frame {after} its survey jumps by {apart_m:.3e} m (`roads.longest_step_m` allows {longest_m}): correct the poses, or build the parts by themselves with --first and --last"
+        "{drive}: from frame {before} to frame {after} its survey jumps by {apart_m:.1} m (`roads.longest_step_m` allows {longest_m}): correct the poses, or build the parts by themselves with --first and --last"
     )]
     SurveyJumps {
         /// The drive.
@@ -49,6 +49,20 @@ pub enum Error {
         apart_m: f64,
         /// The longest that is accepted, metres.
         longest_m: f64,
+    },
+    /// Poses in a frame whose origin is too far off.
+    #[error(
+        "{drive}: frame {frame} is {distance_m:.3e} m from the origin of its poses (`roads.farthest_m` allows {farthest_m}): give poses in the frame of the first one"
+    )]
+    FarFromOrigin {
+        /// The drive.
+        drive: String,
+        /// The frame.
+        frame: usize,
+        /// Its distance from the origin, metres.
+        distance_m: f64,
+        /// The largest that is accepted, metres.
+        farthest_m: f64,
     },
     /// Scans and poses that do not belong together.
     #[error(

@@ -36,6 +36,9 @@ pub struct RoadConfig {
     /// Longest way from one frame of the survey to the next, metres: that of a
     /// train in some seconds. What is farther apart are two drives, or a fault.
     pub longest_step_m: f64,
+    /// Farthest place from the origin of the poses, metres: distances are compared
+    /// by squares of coordinates, which there are off by a square centimetre.
+    pub farthest_m: f64,
 }
 
 impl Default for RoadConfig {
@@ -50,6 +53,7 @@ impl Default for RoadConfig {
             least_way_m: 50.0,
             shortest_m: 15.0,
             longest_step_m: 500.0,
+            farthest_m: 1e6,
         }
     }
 }

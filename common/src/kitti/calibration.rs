@@ -23,9 +23,9 @@ impl Calibration {
     /// # Errors
     /// [`Error::MissingCalibration`] without one of `P0` to `P3` or `Tr`,
     /// [`Error::BadProjection`] where a projection is no pinhole camera's,
-    /// [`Error::BadNumber`], [`Error::BadRow`], [`Error::NotARotation`] or
-    /// [`Error::Mirrors`] at their line, [`Error::Io`] where the file cannot be
-    /// read.
+    /// [`Error::BadNumber`], [`Error::BadRow`], [`Error::NotARotation`],
+    /// [`Error::Mirrors`] or [`Error::FarSensor`] at their line, [`Error::Io`]
+    /// where the file cannot be read.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let content = text::read(path)?;
@@ -45,7 +45,8 @@ impl Calibration {
         };
         let cameras = [camera("P0")?, camera("P1")?, camera("P2")?, camera("P3")?];
         let (line, values) = entry("Tr")?;
-        Ok(Self { cameras, camera_from_velodyne: text::pose(path, line, values)? })
+        let camera_from_velodyne = text::mounting(path, line, text::pose(path, line, values)?)?;
+        Ok(Self { cameras, camera_from_velodyne })
     }
 
     /// Camera 0 to 3 (2 is the left colour camera).
@@ -136,5 +137,7 @@ Tr: 0 -1 0 0.01 0 0 -1 -0.08 1 0 0 -0.27
         );
         assert!(matches!(read(&CALIB.replace("Tr: 0 -1", "Tr: 0 -1.1")), Err(Error::NotARotation { line: 5, .. })));
         assert!(matches!(read(&CALIB.replace("Tr: 0 -1", "Tr: 0 1")), Err(Error::Mirrors { line: 5, .. })));
+        // In millimetres.
+        assert!(matches!(read(&CALIB.replace("-0.27", "-270")), Err(Error::FarSensor { line: 5, .. })));
     }
 }

@@ -16,6 +16,8 @@ const EARTH_RADIUS_M: f64 = 6_378_137.0;
 /// Farthest place from the equator, degrees: towards the poles Mercator's
 /// ordinate grows without end, and the usual maps stop here.
 const MAX_LATITUDE_DEG: f64 = 85.0;
+/// No road is as far above the sea or below it, metres.
+const MAX_ALTITUDE_M: f64 = 10_000.0;
 
 /// Where a navigation unit was, and how it lay.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,8 +54,10 @@ impl Packet {
         let first: Vec<&str> = row.split_whitespace().take(6).collect();
         let [latitude_deg, longitude_deg, altitude_m, roll_rad, pitch_rad, yaw_rad] =
             text::numbers(path, line, &first.join(" "))?;
-        if latitude_deg.abs() > MAX_LATITUDE_DEG || longitude_deg.abs() > 180.0 {
-            return Err(bad(format!("{latitude_deg} N {longitude_deg} E is no place that the projection can show")));
+        if latitude_deg.abs() > MAX_LATITUDE_DEG || longitude_deg.abs() > 180.0 || altitude_m.abs() > MAX_ALTITUDE_M {
+            return Err(bad(format!(
+                "{latitude_deg} N {longitude_deg} E, {altitude_m} m high is no place that the projection can show"
+            )));
         }
         Ok(Self { latitude_deg, longitude_deg, altitude_m, roll_rad, pitch_rad, yaw_rad })
     }
@@ -115,6 +119,7 @@ mod tests {
         assert!(said("").contains("0000000003.txt: it holds no packet"));
         assert!(said("49 8 100").contains("it has 3 numbers and should have 30"));
         assert!(said(&format!("49 8 nan{}", " 0".repeat(27))).contains("`nan` is not a finite number"));
-        assert!(said(&format!("91 8 1{}", " 0".repeat(27))).contains("91 N 8 E is no place"));
+        assert!(said(&format!("91 8 1{}", " 0".repeat(27))).contains("91 N 8 E, 1 m high is no place"));
+        assert!(said(&format!("49 8 1e18{}", " 0".repeat(27))).contains("is no place"));
     }
 }

@@ -107,8 +107,9 @@ impl RawDrive {
     ///
     /// # Errors
     /// [`Error::MissingRawCalibration`], [`Error::BadNumber`],
-    /// [`Error::BadRow`], [`Error::NotARotation`] or [`Error::Mirrors`] in a
-    /// calibration file, [`Error::Io`] where it cannot be read.
+    /// [`Error::BadRow`], [`Error::NotARotation`], [`Error::Mirrors`] or
+    /// [`Error::FarSensor`] in a calibration file, [`Error::Io`] where it cannot
+    /// be read.
     pub fn camera_from_velodyne(&self) -> Result<Pose> {
         let path = self.calibration.join("calib_cam_to_cam.txt");
         let content = text::read(&path)?;
@@ -142,7 +143,7 @@ impl RawDrive {
         let rotation = rotation(&path, &content, "R")?;
         let (line, row) = entry(&path, &content, "T")?;
         let translation: [f64; 3] = text::numbers(&path, line, row)?;
-        Ok(Pose::from_parts(Vector3::from(translation).into(), rotation))
+        text::mounting(&path, line, Pose::from_parts(Vector3::from(translation).into(), rotation))
     }
 }
 

@@ -79,12 +79,23 @@ fn a_survey_that_jumps() {
     let rows = std::fs::read_to_string(&poses).unwrap();
     let mut rows: Vec<String> = rows.lines().map(str::to_owned).collect();
     let mut far: Vec<&str> = rows[1].split_whitespace().collect();
-    far[3] = "1e18";
+    far[3] = "600";
     rows[1] = far.join(" ");
     std::fs::write(&poses, rows.join("\n")).unwrap();
-    build_of(root.path(), &[]).refused(&["04", "frame 0 to frame 1", "jumps by 1.000e18 m", "longest_step_m"]);
+    build_of(root.path(), &[]).refused(&["04", "frame 0 to frame 1", "jumps by 600.0 m", "longest_step_m"]);
     // What is not stitched does not matter.
     build_of(root.path(), &["--last", "0"]).ok();
+}
+
+#[test]
+fn poses_far_from_their_origin() {
+    let root = plain();
+    let poses = root.path().join("poses/04.txt");
+    for far in ["5e6", "1e300"] {
+        let rows: Vec<String> = (0..3).map(|z| format!("1 0 0 {far} 0 1 0 0 0 0 1 {z}\n")).collect();
+        std::fs::write(&poses, rows.concat()).unwrap();
+        build_of(root.path(), &[]).refused(&["04: frame 0 is", "from the origin of its poses", "farthest_m"]);
+    }
 }
 
 #[test]

@@ -29,7 +29,7 @@ pub fn reader(path: &Path) -> Result<Reader> {
 /// that are promised is taken before any is read. What is wrong elsewhere is left
 /// to the reader.
 ///
-/// Isenburg, *LASzip* (2013): before the points stands where the table of chunks
+/// Isenburg, *`LASzip`* (2013): before the points stands where the table of chunks
 /// is, or -1 if that stands in the last eight bytes; the table begins with a
 /// version and the number of chunks.
 fn check_chunks(path: &Path, file: &mut File) -> Result<()> {

@@ -75,7 +75,7 @@ fn limit_all<T: Serialize + DeserializeOwned + Default>(limits: &[Limits]) {
             tried += 1;
         }
     }
-    assert!(tried > 300, "{tried} settings");
+    assert!(tried > 250, "{tried} settings");
 }
 
 #[test]
@@ -86,8 +86,9 @@ fn limits_are_of_settings_and_hold_their_defaults() {
 }
 
 #[test]
-fn every_number_of_the_mapper_has_limits() {
+fn every_number_has_limits() {
     limit_all::<mapper::Config>(mapper::config::LIMITS);
+    limit_all::<localizer::config::Config>(localizer::config::LIMITS);
 }
 
 #[test]

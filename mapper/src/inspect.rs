@@ -176,7 +176,9 @@ pub fn build_text(build: &BuildReport) -> String {
 
 /// Length of all roads of a map, metres.
 pub fn road_length_m(map: &SemanticMap) -> f64 {
-    map.roads.iter().flat_map(|road| road.path_map.windows(2)).map(|pair| (pair[1] - pair[0]).norm()).sum()
+    let steps_m = map.roads.iter().flat_map(|road| road.path_map.windows(2)).map(|pair| (pair[1] - pair[0]).norm());
+    // From 0 on: `sum` of nothing is -0, and printed so.
+    steps_m.fold(0.0, |sum_m, step_m| sum_m + step_m)
 }
 
 /// How many landmarks a map has, as in "2 lamp posts, 1 traffic sign".
@@ -247,7 +249,8 @@ mod tests {
         common::map::write(&path, &SemanticMap::default(), &EncodeOptions::default()).unwrap();
         let inspection = Inspection::of_file(&path).unwrap();
         assert_eq!((inspection.bounds_m, inspection.bytes_per_km), (None, None));
-        assert!(inspection.text().contains("0.0 m of road\n"));
+        let text = inspection.text();
+        assert!(text.contains("0.0 m of road\n") && !text.contains("-0.0"), "{text}");
     }
 
     #[test]

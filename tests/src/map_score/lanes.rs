@@ -81,7 +81,11 @@ impl Along {
         let mut along = Self::default();
         for (kind, line) in lines {
             let mut open: Option<Stretch> = None;
-            for sample in sampled(line).into_iter().filter(|p| counts(p)) {
+            for sample in sampled(line) {
+                if !counts(&sample) {
+                    along.alone.extend(open.take());
+                    continue;
+                }
                 along.length_m += SAMPLE_M;
                 let nearest = others.iter().map(|(kind, line)| (distance_from_above_m(&sample, line), kind));
                 let near = nearest.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(off_m, _)| *off_m < LANE_WITHIN_M);

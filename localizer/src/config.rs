@@ -19,7 +19,7 @@ use crate::tracker::{BankConfig, ClockConfig, HealthConfig, NearbyConfig, RivalC
 use crate::vision::VisionConfig;
 use crate::visual_odometry::VisualOdometryConfig;
 
-/// What some numbers of [`Config`] may be: cells of the search that are ever
+/// What the numbers of [`Config`] may be: cells of the search that are ever
 /// finer, pixels that are ever smaller, and rounds without number, take all
 /// memory or all time; no feature is believed where false ones are endlessly
 /// dense.
@@ -112,7 +112,6 @@ pub const LIMITS: &[Limits] = &[
     limits("rivals.along_m", -100.0, 100.0),
     limits("rivals.uncertain_m", -100.0, 100.0),
     limits("rivals.loose_rad", 0.0, 3.2),
-    limits("rivals.refined", 0.0, 1e4),
     limits("rivals.*", 0.0, 1e4),
     limits("nearby.every_frames", 1.0, 1e6),
     limits("nearby.*_rad", 0.0, 0.5),

@@ -97,14 +97,14 @@ fn are_solid(group: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> Vec<b
 /// evenly so.
 fn are_dashes(part: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> bool {
     let (Some(first), Some(last)) = (part.first(), part.last()) else { return false };
-    let painted: usize = part.iter().map(ExactSizeIterator::len).sum();
+    let painted = part.iter().map(ExactSizeIterator::len).sum::<usize>() as f64 / (last.end - first.start) as f64;
     let mut lengths: Vec<usize> = part.iter().map(ExactSizeIterator::len).collect();
     lengths.sort_unstable();
     let repeats = || 2 * part.iter().filter(|run| bins[run.start].rhythm.is_some()).count() > part.len();
     part.len() >= config.fewest_dashes
         && (lengths[lengths.len() / 2] as f64 * config.profile_m >= config.shortest_dash_m || repeats())
-        && painted as f64 >= config.least_painted * (last.end - first.start) as f64
-        && are_even(part, config)
+        && painted >= config.least_painted
+        && (painted >= config.spacing.dense_share || are_even(part, config))
 }
 
 #[cfg(test)]
@@ -135,6 +135,20 @@ mod tests {
         assert_eq!(length_m(10.0, 4.0), [20.0]);
         assert_eq!(length_m(6.0, 4.0), [30.5]);
         assert_eq!(length_m(10.0, 0.0), [34.5]);
+    }
+
+    #[test]
+    fn dashes_in_pieces_are_dashes_where_much_is_painted() {
+        let config = LaneConfig::default();
+        let kinds = |lengths_m: &[f64]| {
+            let parts: Vec<(f64, bool, f64)> =
+                lengths_m.iter().enumerate().map(|(i, length_m)| (*length_m, i % 2 == 0, 4.0)).collect();
+            stretches(&line(&parts, &config), &config).iter().map(|stretch| stretch.0).collect::<Vec<LaneKind>>()
+        };
+        assert_eq!(kinds(&[3.5, 2.25, 2.75, 0.75, 1.25, 0.75, 4.0]), [LaneKind::Dashed]);
+        assert_eq!(kinds(&[8.0, 1.0, 8.0, 2.0, 3.0]), [LaneKind::Dashed]);
+        // Bars of two crossings and a stop line.
+        assert_eq!(kinds(&[3.5, 12.0, 3.5, 6.5, 1.5]), []);
     }
 
     #[test]

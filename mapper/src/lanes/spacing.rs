@@ -35,11 +35,6 @@ impl Default for SpacingConfig {
 /// count that are the most even.
 pub fn are_even(runs: &[Range<usize>], config: &LaneConfig) -> bool {
     let spacing = &config.spacing;
-    let (Some(first), Some(last)) = (runs.first(), runs.last()) else { return false };
-    let painted: usize = runs.iter().map(ExactSizeIterator::len).sum();
-    if painted as f64 >= spacing.dense_share * (last.end - first.start) as f64 {
-        return true;
-    }
     let places: [fn(&Range<usize>) -> usize; 3] = [|run| 2 * run.start, |run| run.start + run.end, |run| 2 * run.end];
     let same = |a: usize, b: usize| a.abs_diff(b) as f64 * config.profile_m / 2.0 <= spacing.within_m;
     let even_share = |place: fn(&Range<usize>) -> usize| {
@@ -74,11 +69,5 @@ mod tests {
         // Two crossings and a stop line, an arrow behind one of them.
         assert!(!even(&[[0.0, 3.5], [15.5, 19.0], [25.5, 27.0]]));
         assert!(!even(&[[0.0, 0.5], [2.0, 4.5], [17.25, 18.5]]));
-    }
-
-    #[test]
-    fn dashes_in_pieces_are_dashes_where_most_is_painted() {
-        assert!(even(&[[1.5, 5.0], [7.25, 10.0], [10.75, 12.0], [12.75, 16.75]]));
-        assert!(even(&[[0.0, 8.0], [9.0, 17.0], [19.0, 22.0]]));
     }
 }

@@ -154,13 +154,13 @@ fn check_survey(drive: &Drive, config: &RoadConfig) -> Result<()> {
     for frame in first..=last {
         let distance_m = drive.survey[frame].translation.vector.norm();
         if distance_m > farthest_m || distance_m.is_nan() {
-            return Err(Error::FarFromOrigin { drive: drive.name(), frame, distance_m, farthest_m });
+            return Err(Error::FarFromOrigin { path: drive.survey_path.clone(), frame, distance_m, farthest_m });
         }
     }
     for (before, after) in (first..last).zip(first + 1..) {
         let apart_m = apart_m(&drive.survey, before, after);
         if apart_m > longest_m {
-            return Err(Error::SurveyJumps { drive: drive.name(), before, after, apart_m, longest_m });
+            return Err(Error::SurveyJumps { path: drive.survey_path.clone(), before, after, apart_m, longest_m });
         }
     }
     Ok(())

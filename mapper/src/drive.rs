@@ -18,6 +18,8 @@ pub struct Drive {
     pub frames: Vec<usize>,
     /// `map_from_camera` of every frame of the drive as the survey has it.
     pub survey: Vec<Pose>,
+    /// Where the survey stands: a file, or a folder of packets.
+    pub survey_path: PathBuf,
     /// Time of every frame of the drive, seconds.
     pub times_s: Vec<f64>,
     /// `camera_from_velodyne`.
@@ -68,6 +70,8 @@ const MOST_NAMED: usize = 8;
 /// The survey of a drive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Survey {
+    /// Where it stands: a file, or a folder of packets.
+    pub path: PathBuf,
     /// `map_from_camera` of every frame.
     pub map_from_camera: Vec<Pose>,
     /// Time of every frame, seconds.
@@ -91,12 +95,10 @@ impl Drive {
         max_range_m: f32,
     ) -> Result<Self> {
         let sequence = Sequence::open(root, sequence)?;
-        let map_from_camera = match poses {
-            Some(path) => sequence.poses_from(path)?,
-            None => sequence.poses()?,
-        };
+        let path = poses.map_or_else(|| sequence.poses_path(), FilePath::to_path_buf);
         let survey = Survey {
-            map_from_camera,
+            map_from_camera: sequence.poses_from(&path)?,
+            path,
             times_s: sequence.times_s()?,
             camera_from_velodyne: sequence.calibration()?.camera_from_velodyne,
         };
@@ -125,12 +127,13 @@ impl Drive {
         if frames.is_empty() {
             return Err(Error::NoScans { folder: source.folder(), every: choice.every });
         }
-        let Survey { map_from_camera, times_s, camera_from_velodyne } = survey;
+        let Survey { path, map_from_camera, times_s, camera_from_velodyne } = survey;
         Ok(Self {
             notes: choice.gaps(&frames).into_iter().collect(),
             source,
             frames,
             survey: map_from_camera,
+            survey_path: path,
             times_s,
             camera_from_velodyne,
             max_range_m,

@@ -36,11 +36,12 @@ pub enum Error {
     },
     /// Poses too far apart for one drive.
     #[error(
-        "{drive}: from frame {before} to frame {after} its survey jumps by {apart_m:.1} m (`roads.longest_step_m` allows {longest_m}): correct the poses, or build the parts by themselves with --first and --last"
+        "{}: from frame {before} to frame {after} the survey jumps by {apart_m:.1} m (`roads.longest_step_m` allows {longest_m}): correct the poses, or build the parts by themselves with --first and --last",
+        path.display()
     )]
     SurveyJumps {
-        /// The drive.
-        drive: String,
+        /// Where the survey stands.
+        path: PathBuf,
         /// The frame before the jump.
         before: usize,
         /// The one after it.
@@ -52,11 +53,12 @@ pub enum Error {
     },
     /// Poses in a frame whose origin is too far off.
     #[error(
-        "{drive}: frame {frame} is {distance_m:.3e} m from the origin of its poses (`roads.farthest_m` allows {farthest_m}): give poses in the frame of the first one"
+        "{}: frame {frame} is {distance_m:.3e} m from the origin of the poses (`roads.farthest_m` allows {farthest_m}): give poses in the frame of the first one",
+        path.display()
     )]
     FarFromOrigin {
-        /// The drive.
-        drive: String,
+        /// Where the survey stands.
+        path: PathBuf,
         /// The frame.
         frame: usize,
         /// Its distance from the origin, metres.

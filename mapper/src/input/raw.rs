@@ -21,6 +21,7 @@ pub fn open_raw(folder: &Path, calibration: Option<&Path>, choice: Choice, max_r
     let surveyed = drive.survey(times_s.len())?;
     let note = format!("origin of the map for `mapper export --origin`: {}", origin(&surveyed));
     let survey = Survey {
+        path: folder.join("oxts/data"),
         map_from_camera: surveyed.map_from_camera,
         times_s,
         camera_from_velodyne: drive.camera_from_velodyne()?,

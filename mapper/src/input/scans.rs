@@ -108,6 +108,7 @@ pub fn open_scans(
     let placement = Placement::new(input.frame, input.calibration, poses.first())?;
     let Matched { files, poses, times_s, without } = matched(input, files, &poses, config)?;
     let survey = Survey {
+        path: input.survey.to_path_buf(),
         map_from_camera: poses.iter().map(|pose| placement.map_from_camera(pose)).collect(),
         times_s,
         camera_from_velodyne: placement.camera_from_velodyne,

@@ -131,7 +131,8 @@ pub fn open_stitched(
     ));
     notes.push("a stitched cloud has no single scans: its poses are taken as given, and what moved stays in it".into());
     let times_s = times_s.unwrap_or_else(|| assumed_times_s(poses.len()));
-    let survey = Survey { map_from_camera, times_s, camera_from_velodyne: placement.camera_from_velodyne };
+    let path = input.survey.to_path_buf();
+    let survey = Survey { path, map_from_camera, times_s, camera_from_velodyne: placement.camera_from_velodyne };
     let mut drive = Drive::new(Source::Stitched(slices.into()), &places, survey, choice, max_range_m)?;
     drive.notes = notes;
     Ok(drive)

@@ -82,7 +82,7 @@ fn a_survey_that_jumps() {
     far[3] = "600";
     rows[1] = far.join(" ");
     std::fs::write(&poses, rows.join("\n")).unwrap();
-    build_of(root.path(), &[]).refused(&["04", "frame 0 to frame 1", "jumps by 600.0 m", "longest_step_m"]);
+    build_of(root.path(), &[]).refused(&["04.txt: from frame 0 to frame 1", "jumps by 600.0 m", "longest_step_m"]);
     // What is not stitched does not matter.
     build_of(root.path(), &["--last", "0"]).ok();
 }
@@ -94,7 +94,7 @@ fn poses_far_from_their_origin() {
     for far in ["5e6", "1e300"] {
         let rows: Vec<String> = (0..3).map(|z| format!("1 0 0 {far} 0 1 0 0 0 0 1 {z}\n")).collect();
         std::fs::write(&poses, rows.concat()).unwrap();
-        build_of(root.path(), &[]).refused(&["04: frame 0 is", "from the origin of its poses", "farthest_m"]);
+        build_of(root.path(), &[]).refused(&["04.txt: frame 0 is", "from the origin of the poses", "farthest_m"]);
     }
 }
 

@@ -165,7 +165,9 @@ impl Step {
                 let health = &mut config.health;
                 (health.max_separation_m, health.max_separation_of_two_m) = (NEVER, NEVER);
             }
-            Self::Residuals => config.health.max_mean_square = NEVER,
+            Self::Residuals => {
+                (config.health.max_mean_square, config.health.max_mean_square_anew) = (NEVER, NEVER);
+            }
             Self::Lead => config.health.ok_lead = -NEVER,
             Self::Led => config.health.led_frames = 0,
             Self::Well => (config.health.well_frames, config.health.well_frames_anew) = (1, 1),

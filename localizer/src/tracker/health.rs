@@ -39,6 +39,10 @@ pub struct HealthConfig {
     /// Mean squared whitened residual up to which the matches agree: what it is
     /// where the standard deviations are right.
     pub max_mean_square: f64,
+    /// The same for the first ok of all, and after it was lost: right poses have 0.2
+    /// and seldom, one frame of fifty, over this. Matches that are all wrong can be
+    /// drawn together to 1, too.
+    pub max_mean_square_anew: f64,
     /// How far off an ok pose may be if one object, or most of the prediction,
     /// is wrong, metres: what nobody should be off by unwarned.
     pub max_separation_m: f64,
@@ -79,6 +83,7 @@ impl Default for HealthConfig {
             well_frames_again: 5,
             ok_lead: 3.0,
             max_mean_square: 1.0,
+            max_mean_square_anew: 0.7,
             max_separation_m: 0.5,
             max_separation_of_two_m: 0.7,
             max_contradiction_sigmas: 3.0,
@@ -137,6 +142,7 @@ pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, heal
         // It takes nothing from what was trusted, and adds nothing.
         return Verdict { status: before.status.max(Status::Degraded), ..before };
     }
+    let was_ok = before.is_some_and(|verdict| verdict.was_ok);
     let is_followed = verified
         && sigma_m <= health.ok_sigma_m
         && best.support >= health.min_support
@@ -145,11 +151,11 @@ pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, heal
         && context.lead >= health.ok_lead + best.handicap
         && context.margin >= 0.0;
     let is_well = is_followed
+        && (was_ok || best.mean_square <= health.max_mean_square_anew)
         && best.separation.two_m <= health.max_separation_of_two_m
         && context.contradiction_sigmas <= health.max_contradiction_sigmas
         && horizontal_sigma_m(&(covariance + context.late)) <= health.ok_sigma_m;
     let well_frames = if is_well { before.map_or(0, |verdict| verdict.well_frames) + 1 } else { 0 };
-    let was_ok = before.is_some_and(|verdict| verdict.was_ok);
     let asked_frames = match (was_ok, was_ever_ok) {
         (true, _) => health.well_frames,
         (false, true) => health.well_frames_again,

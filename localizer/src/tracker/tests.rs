@@ -369,6 +369,26 @@ fn what_has_not_led_for_some_frames_is_not_called_ok() {
 }
 
 #[test]
+fn the_first_ok_asks_for_matches_that_agree_better() {
+    let world = World::new(street());
+    let of = |max_mean_square_anew: f64, max_mean_square: f64| {
+        let health = HealthConfig { max_mean_square, max_mean_square_anew, ..HealthConfig::default() };
+        run_with(&Config { health, ..Config::default() }, &world, &GpsConfig::default(), 3, &NONE)
+    };
+    let oks = |run: &Run| run.statuses.iter().filter(|status| **status == Status::Ok).count();
+    let usual = of(1e9, 1e9);
+    assert!(oks(&usual) > 0);
+    // However good what follows: nothing is ok before the first is.
+    assert_eq!(oks(&of(0.0, 1e9)), 0);
+    // Once it was ok, it is asked no more.
+    let first = usual.ok_from(0).unwrap();
+    let strict = of(0.2, 1e9);
+    let late = strict.ok_from(0).unwrap();
+    assert!(late > first, "{late} {first}");
+    assert!(usual.statuses[late..] == strict.statuses[late..]);
+}
+
+#[test]
 fn ok_takes_as_many_good_frames_in_a_row() {
     let world = World::new(Recipe { missed: 0.7, pole_spacing_m: 15.0, ..street() });
     let is_ok = |well_frames: usize| {

@@ -15,7 +15,7 @@ use divan::Bencher;
 use divan::counter::{BytesCount, ItemsCount};
 use mapper::build::{build, find_lanes};
 use mapper::cloud::Cloud;
-use mapper::drive::Drive;
+use mapper::drive::{Drive, MAX_RANGE_M};
 use mapper::ground::{Ground, Heights};
 use mapper::poles::{FittedPole, Plumb, Stack, Stacks, Wanted, find_poles, fit_pole};
 use mapper::register::{Registration, refine};
@@ -47,7 +47,7 @@ static CASE: LazyLock<Case> = LazyLock::new(|| {
     let real = shared.join("kitti");
     let (root, sequence) = if real.join("sequences/04").is_dir() { (real, "04") } else { (generated(), "00") };
     let config = Config::default();
-    let drive = Drive::open(&root, sequence, 5, (0, 50), None, 120.0).unwrap();
+    let drive = Drive::open(&root, sequence, 5, (0, 50), None, MAX_RANGE_M).unwrap();
     let registration = refine(&drive, &config.refine).unwrap();
     let cloud = Cloud::stitch(&drive, &drive.frames, &registration, &config).unwrap();
     let stacks = find_stacks(&cloud, &config);

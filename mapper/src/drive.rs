@@ -10,6 +10,10 @@ use crate::error::{Error, Result};
 use crate::input::{Deskew, Source};
 use crate::scan::LidarScan;
 
+/// Farthest point read, metres: the reach of the lidar. What is stitched and
+/// what is registered ends nearer, by the settings.
+pub const MAX_RANGE_M: f32 = 120.0;
+
 /// A drive and the frames of it that are stitched.
 #[derive(Debug, Clone)]
 pub struct Drive {

@@ -14,3 +14,4 @@ pub mod pole_map;
 pub mod realism;
 pub mod trial;
 pub mod truth;
+pub mod turned;

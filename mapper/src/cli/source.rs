@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use crate::config::Config;
-use crate::drive::{Choice, Drive};
+use crate::drive::{Choice, Drive, MAX_RANGE_M};
 use crate::error::{Error, Result};
 use crate::input::{Deskew, ScanInput, SurveyFrame, open_raw, open_scans, open_stitched};
 
@@ -60,10 +60,6 @@ pub struct SourceArgs {
     #[arg(long, value_name = "FRAME")]
     last: Option<usize>,
 }
-
-/// Farthest point read, metres: the reach of the lidar. What is stitched and
-/// what is registered ends nearer, by the settings.
-const MAX_RANGE_M: f32 = 120.0;
 
 impl SourceArgs {
     /// Opens the drive.

@@ -40,14 +40,13 @@ mod view;
 use std::path::{Path, PathBuf};
 
 use common::kitti::read_scan;
+use mapper::drive::{Drive, MAX_RANGE_M};
 use mapper::{Config, PoseSource};
 
 use figures::Figures;
 use landmarks::Landmarks;
 use view::View;
 
-/// Farthest point that is read, metres: all of them.
-const MAX_RANGE_M: f32 = 120.0;
 /// Every which scan a map is built from, as in the paper.
 const MAP_EVERY: usize = 5;
 
@@ -93,7 +92,7 @@ pub fn run(arguments: &Arguments) -> Result<(), String> {
 
 /// The figures of one drive.
 fn measure(root: &Path, sequence: &str, last: usize, every: usize) -> mapper::Result<Figures> {
-    let open = |every| mapper::drive::Drive::open(root, sequence, every, (0, last), None, MAX_RANGE_M);
+    let open = |every| Drive::open(root, sequence, every, (0, last), None, MAX_RANGE_M);
     let built = mapper::build(&open(MAP_EVERY)?, PoseSource::Refine, &Config::default(), |_| Ok(()))?;
     let drive = open(every)?;
     let landmarks = Landmarks::new(&built.map);

@@ -11,7 +11,8 @@ use crate::estimate::{Status, horizontal_sigma_m};
 #[serde(default, deny_unknown_fields)]
 pub struct HealthConfig {
     /// A frame supports a pose with at least this, nats: two good matches more
-    /// than what should be seen and is not.
+    /// than what should be seen and is not. Where it shows less, and wheels or images
+    /// tell how far it went, what was ok goes on as far as its covariance allows.
     pub min_support: f64,
     /// Horizontal standard deviation (m) up to which an estimate is ok: 0.2
     /// keeps 95 % within half a metre.
@@ -143,13 +144,16 @@ pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, heal
         return Verdict { status: before.status.max(Status::Degraded), ..before };
     }
     let was_ok = before.is_some_and(|verdict| verdict.was_ok);
+    // Where there is little to see, what was trusted goes as far as its motion is known.
+    let is_ok_still = before.is_some_and(|verdict| verdict.status == Status::Ok)
+        && best.support < health.min_support
+        && best.goes_on(health);
     let is_followed = verified
         && sigma_m <= health.ok_sigma_m
-        && best.support >= health.min_support
+        && (is_ok_still || best.support >= health.min_support && context.margin >= 0.0)
         && best.mean_square <= health.max_mean_square
         && best.separation.one_m <= health.max_separation_m
-        && context.lead >= health.ok_lead + best.handicap
-        && context.margin >= 0.0;
+        && context.lead >= health.ok_lead + best.handicap;
     let is_well = is_followed
         && (was_ok || best.mean_square <= health.max_mean_square_anew)
         && best.separation.two_m <= health.max_separation_of_two_m

@@ -270,7 +270,13 @@ impl Hypothesis {
     /// A frame did not hold it: that says nothing against who knows how far it
     /// went and misses little that should be seen.
     fn weaken(&mut self, health: &HealthConfig) {
-        self.weak_frames += usize::from(!self.is_carried || -self.support > health.most_missed);
+        self.weak_frames += usize::from(!self.goes_on(health));
+    }
+
+    /// Whether a frame that shows little leaves it where it is known to have gone, and
+    /// misses little that should be seen.
+    pub fn goes_on(&self, health: &HealthConfig) -> bool {
+        self.is_carried && -self.support <= health.most_missed
     }
 
     /// Lets a frame pass that shows nothing, or nothing new: the prediction stands.

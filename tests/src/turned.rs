@@ -71,7 +71,7 @@ fn turned_from_map(number: u32) -> Pose {
 /// Maps a drive in so many frames, and scores the poles of each map.
 ///
 /// # Errors
-/// As [`mapper::build`] and [`score`].
+/// As [`mapper::build()`] and [`score`].
 pub fn turned(
     drive: &Drive,
     frames: u32,

@@ -54,19 +54,20 @@ fn a_camera_that_shows_the_same_from_then_on_gets_lost() {
 fn who_knows_how_far_it_went_is_not_lost_where_there_is_nothing_to_see() {
     let world = World::new(street());
     let dark = 50..75;
-    let lost = |has_wheels: bool, is_black: bool| {
+    let in_the_dark = |has_wheels: bool, is_black: bool| {
         let is_dark = |frame: usize| dark.contains(&frame);
         let [is_black, is_hidden] = [is_black, !is_black].map(|this| move |frame: usize| this && is_dark(frame));
         let mishap = Mishap { is_black: &is_black, is_hidden: &is_hidden, has_wheels, ..NONE };
         let run = run(&world, &GpsConfig::default(), 1, &mishap);
-        let oks = dark.clone().filter(|&frame| run.statuses[frame] == Status::Ok).count();
-        assert!((oks == 0 || has_wheels && is_black(dark.start)) && run.lies() == 0);
-        dark.clone().filter(|&frame| run.statuses[frame] == Status::Lost).count()
+        assert_eq!(run.lies(), 0);
+        run.statuses[dark.clone()].to_vec()
     };
-    assert_eq!(lost(true, true), 0);
+    let lost = |statuses: &[Status]| statuses.iter().filter(|status| **status == Status::Lost).count();
+    assert_eq!(lost(&in_the_dark(true, true)), 0);
     // Without wheels, and where much should be seen that is not.
-    for lost in [lost(false, true), lost(true, false)] {
-        assert!(lost >= 8, "{lost}");
+    for statuses in [in_the_dark(false, true), in_the_dark(true, false)] {
+        assert!(statuses.iter().all(|status| *status != Status::Ok));
+        assert!(lost(&statuses) >= 8, "{}", lost(&statuses));
     }
 }
 
@@ -74,18 +75,13 @@ fn who_knows_how_far_it_went_is_not_lost_where_there_is_nothing_to_see() {
 fn who_knows_how_far_it_went_is_ok_in_the_dark_for_as_long_as_that_is_known_well() {
     let world = World::new(street());
     let from = 50;
-    let run = |has_wheels: bool| {
-        let mishap = Mishap { is_black: &|frame| frame >= from, has_wheels, ..NONE };
-        run(&world, &GpsConfig::default(), 1, &mishap)
-    };
-    let [blind, told] = [run(false), run(true)];
-    let oks = |run: &Run| run.statuses[from..].iter().take_while(|status| **status == Status::Ok).count();
-    assert_eq!(oks(&blind), 0);
+    let mishap = Mishap { is_black: &|frame| frame >= from, has_wheels: true, ..NONE };
+    let run = run(&world, &GpsConfig::default(), 1, &mishap);
     // Then it says so, and does not come back to it.
-    let end = from + oks(&told);
-    assert!(end > from && end < told.statuses.len(), "{end}");
-    assert!(told.statuses[end..].iter().all(|status| *status != Status::Ok));
-    assert_eq!(told.lies(), 0);
+    let end = from + run.statuses[from..].iter().take_while(|status| **status == Status::Ok).count();
+    assert!(end > from && end < run.statuses.len(), "{end}");
+    assert!(run.statuses[end..].iter().all(|status| *status != Status::Ok));
+    assert_eq!(run.lies(), 0);
 }
 
 #[test]
@@ -98,4 +94,54 @@ fn what_is_found_after_a_long_dark_is_not_trusted_for_what_was_before() {
     let led_frames = Config::default().health.led_frames;
     assert!((dark.end + led_frames - 1..dark.end + 20).contains(&back), "{back}");
     assert_eq!(run.lies(), 0);
+}
+
+#[test]
+fn what_has_not_led_for_some_frames_is_not_called_ok() {
+    let first_ok = |led_frames: usize| {
+        let health = HealthConfig { led_frames, ..HealthConfig::default() };
+        run_with(&Config { health, ..Config::default() }, &World::new(street()), &GpsConfig::default(), 3, &NONE)
+            .ok_from(0)
+    };
+    let (soon, late) = (first_ok(0).unwrap(), first_ok(20).unwrap());
+    // The first frame is the first that it leads.
+    assert!(soon < 19 && late >= 19, "{soon} {late}");
+}
+
+#[test]
+fn the_first_ok_asks_for_matches_that_agree_better() {
+    let world = World::new(street());
+    let of = |max_mean_square_anew: f64, max_mean_square: f64| {
+        let health = HealthConfig { max_mean_square, max_mean_square_anew, ..HealthConfig::default() };
+        run_with(&Config { health, ..Config::default() }, &world, &GpsConfig::default(), 3, &NONE)
+    };
+    let oks = |run: &Run| run.statuses.iter().filter(|status| **status == Status::Ok).count();
+    let usual = of(1e9, 1e9);
+    assert!(oks(&usual) > 0);
+    // However good what follows: nothing is ok before the first is.
+    assert_eq!(oks(&of(0.0, 1e9)), 0);
+    // Once it was ok, it is asked no more.
+    let first = usual.ok_from(0).unwrap();
+    let strict = of(0.2, 1e9);
+    let late = strict.ok_from(0).unwrap();
+    assert!(late > first, "{late} {first}");
+    assert!(usual.statuses[late..] == strict.statuses[late..]);
+}
+
+#[test]
+fn ok_takes_as_many_good_frames_in_a_row() {
+    let world = World::new(Recipe { missed: 0.7, pole_spacing_m: 15.0, ..street() });
+    let is_ok = |well_frames: usize| {
+        let (well_frames_anew, well_frames_again) = (well_frames, well_frames);
+        let health = HealthConfig { well_frames, well_frames_anew, well_frames_again, ..HealthConfig::default() };
+        let config = Config { health, ..Config::default() };
+        let run = run_with(&config, &world, &GpsConfig::default(), 3, &NONE);
+        run.statuses.iter().map(|status| *status == Status::Ok).collect::<Vec<_>>()
+    };
+    let (alone, of_three) = (is_ok(1), is_ok(3));
+    let gaps = alone.windows(2).filter(|pair| pair[0] && !pair[1]).count();
+    assert!(gaps > 2, "{gaps}");
+    for frame in 2..alone.len() {
+        assert_eq!(of_three[frame], alone[frame - 2..=frame].iter().all(|ok| *ok), "frame {frame}");
+    }
 }

@@ -5,6 +5,7 @@ use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 use super::axis::{Axis, Hit, SHELL_SPREAD, Shared, above, radius_across, ransac, refine, slim};
 use super::fences::{Spot, may_be_of_fence, rail};
 use super::flat::is_plate;
+use super::walls::stands_on_wall;
 use super::{Plumb, PoleConfig, Stack, looks_like_pole};
 use crate::cloud::{Cloud, CloudPoint};
 use crate::lidar::{LidarConfig, SheetingConfig, View, Viewpoint};
@@ -45,6 +46,9 @@ pub struct FittedPole {
     /// Share of its slices in which something reaches from it outwards: rails
     /// of a fence, boards, a hedge that it stands in.
     pub attached_share: f64,
+    /// Whether there is a wall below that goes on to both sides: what looks free may be a
+    /// piece of it between windows.
+    pub stands_on_wall: bool,
     /// Direction, map (x, z), in which the rail of a fence goes out from it; none
     /// of what cannot be of a fence.
     pub rail: Option<Vector2<f64>>,
@@ -213,6 +217,9 @@ pub fn fit_pole<'a>(
     let around: Vec<Spot> = near.iter().filter(|p| is_beside(p, &axis, reach_m)).map(Spot::new).collect();
     let ends_m = (run.first()?.above_ground, run.last()?.above_ground);
     pole.attached_share = attached_share(&around, &axis, pole.radius_m, ends_m, config);
+    // What stands out before something was free from the ground on.
+    let wall_top_m = if stack.is_before { config.sheet_m[0] } else { stack.low_m.max(config.sheet_m[0]) };
+    pole.stands_on_wall = stands_on_wall(&around, &axis, wall_top_m, config);
     if !wanted.may_be(&pole, stack, config) {
         return None;
     }
@@ -333,6 +340,7 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
         free_m: seen.free.length_m(config),
         top_is_open: highest > view.ceiling() - config.open_top_m,
         attached_share: 0.0,
+        stands_on_wall: false,
         rail: None,
         reflectance: reflectance(seen.run, config, &lidar.sheeting),
         bright_share: bright.len() as f64 / seen.run.len() as f64,

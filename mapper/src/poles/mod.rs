@@ -14,6 +14,7 @@ mod roofs;
 mod stacks;
 #[cfg(test)]
 mod tests;
+mod walls;
 
 use common::map::PoleKind;
 use nalgebra::Point2;
@@ -24,6 +25,7 @@ pub use fit::{FittedPole, Wanted, fit_pole};
 pub use kinds::TreeConfig;
 pub use plumb::Plumb;
 pub use stacks::{Stack, Stacks};
+pub use walls::WallConfig;
 
 use crate::cloud::Cloud;
 use crate::lidar::LidarConfig;
@@ -112,6 +114,7 @@ fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> boo
         && pole.scans >= config.fewest_scans
         && (pole.reflectance >= config.least_reflectance || !is_glimpse(pole, config))
         && pole.nearest_hit_m <= config.hit_within_m
+        && (is_equipment || !pole.stands_on_wall || pole.nearest_hit_m < config.walls.from_m)
         && pole.foot_height_m <= highest_foot_m
         && pole.visibility >= if is_amid { least_visibility_amid } else { config.least_visibility }
         && pole.top_height_m >= config.lowest_top_m
@@ -128,7 +131,7 @@ fn is_equipment(pole: &FittedPole, config: &PoleConfig) -> bool {
         || pole.visibility >= config.least_visibility_in_hedge && pole.bright_share >= config.least_bright_share;
     let is_delineator = pole.is_short(config)
         && pole.radius_m <= config.thickest_equipped_m
-        && (pole.attached_share <= config.largest_attached_share_wall || may_be_in_hedge);
+        && (pole.attached_share <= config.walls.largest_attached_share || may_be_in_hedge);
     pole.has_sheeting(config) && (is_delineator || pole.bright_top_m >= config.sheet_m[0])
 }
 
@@ -141,7 +144,7 @@ fn largest_attached_share(pole: &FittedPole, stack: &Stack, config: &PoleConfig)
     let is_of_wall =
         if stack.is_before { is_short || pole.radius_m > config.slender_m } else { stack.low_m >= config.hedge_top_m };
     if is_of_wall {
-        config.largest_attached_share_wall
+        config.walls.largest_attached_share
     } else if is_short || stack.is_before || stack.low_m < config.largest_bush_m {
         config.largest_attached_share
     } else {

@@ -157,3 +157,17 @@ fn what_was_hit_from_afar_only_is_not_known_to_stand_free() {
     let is_pole = |nearest_hit_m: f64| is_pole(&FittedPole { nearest_hit_m, ..pole.clone() }, &stack, &config);
     assert!(is_pole(29.0) && !is_pole(31.0));
 }
+
+/// Poles found where a stem rises from the top of a wall of 1 m so far beside the road.
+fn stem_on_wall(x: f64) -> usize {
+    let mut street = Street::new();
+    add_face(&mut street, x, 20.0..36.0, 1.0);
+    let foot = Point3::new(x, CAMERA_HEIGHT_M - 1.0, 28.0);
+    post(&mut street, foot, 1.6, 0.08);
+    found(street).len()
+}
+
+#[test]
+fn what_rises_from_a_far_wall_is_a_piece_of_it_between_windows_and_by_the_road_a_lamp() {
+    assert_eq!((stem_on_wall(15.5), stem_on_wall(6.0)), (0, 1));
+}

@@ -171,3 +171,15 @@ fn stem_on_wall(x: f64) -> usize {
 fn what_rises_from_a_far_wall_is_a_piece_of_it_between_windows_and_by_the_road_a_lamp() {
     assert_eq!((stem_on_wall(15.5), stem_on_wall(6.0)), (0, 1));
 }
+
+#[test]
+fn sheeting_on_a_far_wall_says_that_a_post_is_one() {
+    let config = PoleConfig::default();
+    let (pole, stack) = slender();
+    let is_pole = |stands_on_wall: bool, nearest_hit_m: f64, reflectance: f32| {
+        let pole = FittedPole { stands_on_wall, nearest_hit_m, reflectance, bright_top_m: 2.0, ..pole.clone() };
+        is_pole(&pole, &stack, &config)
+    };
+    assert!(!is_pole(true, 20.0, 0.3) && is_pole(true, 20.0, 0.99));
+    assert!(is_pole(true, 10.0, 0.3) && is_pole(false, 20.0, 0.3));
+}

@@ -94,7 +94,7 @@ pub(super) fn rail(
 
 /// Whether a low pole is the last post of a fence: two rails, one above the
 /// other, go towards it from one side and end at it or at a gap, and it is as
-/// high as they are.
+/// high as they are; or the upper one goes out from its top.
 pub(super) fn ends_fence(cloud: &Cloud, pole: &FittedPole, config: &PoleConfig) -> bool {
     if !may_be_of_fence(pole, config) {
         return false;
@@ -139,6 +139,7 @@ pub(super) fn ends_fence(cloud: &Cloud, pole: &FittedPole, config: &PoleConfig) 
             }
         }
         rails_above_each_other(&once, &twice, config) >= 2
+            || carries_top_rail(&once, &twice, (pole.top_height_m - low_m).max(0.0), config)
     })
 }
 
@@ -156,6 +157,21 @@ fn rails_above_each_other(once: &[u32], twice: &[u32], config: &PoleConfig) -> u
         is_open |= once.count_ones() <= 1;
     }
     rails
+}
+
+/// Whether the upper rail of a fence goes out from the top of its post, `rise_m` over the lowest
+/// layer: twice as long a rail as others need, that two scans have seen, from the post on, and
+/// open below. Its lower rail may lie in grass. Crash barriers are lower than the delineators on
+/// them.
+fn carries_top_rail(once: &[u32], twice: &[u32], rise_m: f64, config: &PoleConfig) -> bool {
+    let pieces = 2 * (config.rail_m / PIECE_M).round().max(2.0) as u32;
+    let from_post = (1_u32 << pieces.min(31)) - 1;
+    // The layer that ends at a height, and the one above it.
+    let top = (2.0 * rise_m / LAYER_M) as usize;
+    let is_rail = (top.saturating_sub(1)..=top + 1)
+        .filter_map(|layer| twice.get(layer))
+        .any(|seen| (seen & from_post).count_ones() + 2 >= pieces && seen & 0b11 != 0);
+    is_rail && once.iter().take(top.saturating_sub(1)).any(|seen| (seen & from_post).count_ones() <= 1)
 }
 
 /// Which of the poles stand in a fence: low ones with a rail, and those in line
@@ -178,4 +194,28 @@ pub(super) fn in_fences(poles: &[&FittedPole], config: &PoleConfig) -> Vec<bool>
         }
     }
     rails.iter().map(Option::is_some).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_upper_rail_goes_out_from_the_top_of_its_post_and_is_open_below() {
+        const WHOLE: u32 = 0b11_1111_1111;
+        // Ten layers, half of 0.15 m apart: a post that ends in the eighth.
+        let carries = |rails: &[(usize, u32)]| {
+            let mut seen = vec![0_u32; 11];
+            for &(layer, pieces) in rails {
+                seen[layer] = pieces;
+            }
+            carries_top_rail(&seen, &seen, 0.6, &PoleConfig::default())
+        };
+        assert!(carries(&[(7, WHOLE)]) && carries(&[(8, WHOLE & !0b1_0000)]));
+        // A crash barrier below the top of a delineator, what begins beside it, what is short,
+        // and a hedge.
+        assert!(!carries(&[(4, WHOLE)]) && !carries(&[(7, WHOLE << 3)]) && !carries(&[(7, 0b1_1111)]));
+        let hedge: Vec<(usize, u32)> = (0..9).map(|layer| (layer, WHOLE)).collect();
+        assert!(!carries(&hedge));
+    }
 }

@@ -140,6 +140,11 @@ fn the_last_post_of_a_fence_is_no_pole_and_one_with_less_beside_it_is() {
     assert_eq!(post_by_rails(0.05, &[0.5, 1.0], 10), 0);
     // Across a gate.
     assert_eq!(post_by_rails(0.9, &[0.5, 1.0], 10), 0);
+    // Its lower rail lies in grass; a crash barrier goes out from lower.
+    assert_eq!(post_by_rails(0.05, &[1.0], 10), 0);
+    assert_eq!(post_by_rails(0.05, &[0.7], 10), 1);
+    // Its end is seen by one scan.
+    assert_eq!(post_by_rails(0.05, &[1.0], 1), 1);
     // A crash barrier, and the end of a hedge.
     assert_eq!(post_by_rails(0.9, &[0.5], 10), 1);
     assert_eq!(post_by_rails(0.9, &[0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0], 10), 1);

@@ -14,6 +14,8 @@ const PIECE_M: f64 = 0.1;
 /// Height of the layers in which a rail is looked for, metres: they overlap by
 /// half, as a rail may lie across the border of two.
 const LAYER_M: f64 = 0.15;
+/// The pieces in one of which a rail begins that goes out from a post.
+const AT_POST: u32 = 0b11;
 /// Largest cosine between the rails to both sides of a post: fences turn at
 /// posts, by less than a right angle mostly.
 const ON_THE_OTHER_SIDE: f64 = -0.5;
@@ -160,18 +162,18 @@ fn rails_above_each_other(once: &[u32], twice: &[u32], config: &PoleConfig) -> u
 }
 
 /// Whether the upper rail of a fence goes out from the top of its post, `rise_m` over the lowest
-/// layer: twice as long a rail as others need, that two scans have seen, from the post on, and
-/// open below. Its lower rail may lie in grass. Crash barriers are lower than the delineators on
-/// them.
+/// layer: twice as long a rail as others need, with twice the gaps, that two scans have seen, from
+/// the post on, and open below. Its lower rail may lie in grass. Crash barriers are lower than the
+/// delineators on them.
 fn carries_top_rail(once: &[u32], twice: &[u32], rise_m: f64, config: &PoleConfig) -> bool {
-    let pieces = 2 * (config.rail_m / PIECE_M).round().max(2.0) as u32;
-    let from_post = (1_u32 << pieces.min(31)) - 1;
-    // The layer that ends at a height, and the one above it.
-    let top = (2.0 * rise_m / LAYER_M) as usize;
-    let is_rail = (top.saturating_sub(1)..=top + 1)
-        .filter_map(|layer| twice.get(layer))
-        .any(|seen| (seen & from_post).count_ones() + 2 >= pieces && seen & 0b11 != 0);
-    is_rail && once.iter().take(top.saturating_sub(1)).any(|seen| (seen & from_post).count_ones() <= 1)
+    let pieces = (2.0 * (config.rail_m / PIECE_M).round()).clamp(4.0, 31.0) as u32;
+    let of_rail = |seen: &u32| (seen & ((1 << pieces) - 1)).count_ones();
+    let begins = |seen: &u32| seen & AT_POST != 0;
+    // The post ends in one layer; the rail may be in the one below or above.
+    let below = ((2.0 * rise_m / LAYER_M) as usize).saturating_sub(1);
+    let mut at_top = twice.iter().skip(below).take(3);
+    at_top.any(|seen| begins(seen) && of_rail(seen) + 2 >= pieces)
+        && once.iter().take(below).any(|seen| of_rail(seen) <= 1)
 }
 
 /// Which of the poles stand in a fence: low ones with a rail, and those in line

@@ -217,8 +217,8 @@ pub fn fit_pole<'a>(
     let around: Vec<Spot> = near.iter().filter(|p| is_beside(p, &axis, reach_m)).map(Spot::new).collect();
     let ends_m = (run.first()?.above_ground, run.last()?.above_ground);
     pole.attached_share = attached_share(&around, &axis, pole.radius_m, ends_m, config);
-    // Plates of signs are flat, too, but higher up; what stands before something is free all along.
-    let wall_top_m = if stack.is_before { config.sheet_m[0] } else { stack.low_m.max(config.sheet_m[0]) };
+    // Plates of signs are flat, too, but higher up.
+    let wall_top_m = stack.low_m.max(config.sheet_m[0]);
     pole.stands_on_wall = stands_on_wall(&around, &axis, wall_top_m, config);
     if !wanted.may_be(&pole, stack, config) {
         return None;

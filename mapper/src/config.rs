@@ -110,6 +110,7 @@ pub const LIMITS: &[Limits] = &[
     limits("poles.trees.bare_m", 1.0, 60.0),
     limits("poles.trees.usual_poles", 0.1, 1e6),
     limits("poles.trees.tree_lean_rad", 0.001, 1.0),
+    limits("poles.trees.reach_of_others_m", 0.0, 60.0),
     limits("poles.trees.*", 0.0, 1e6),
     limits("poles.leaning_share", 0.0, 0.5),
     limits("poles.*_share", 0.0, 1.0),

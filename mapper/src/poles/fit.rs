@@ -1,6 +1,6 @@
 //! The axis of a pole through the points of a stack.
 
-use nalgebra::{Matrix2, Point3, Vector2, Vector3};
+use nalgebra::{Matrix2, Point2, Point3, Vector2, Vector3};
 
 use super::axis::{Axis, Hit, SHELL_SPREAD, Shared, above, radius_across, ransac, refine, slim};
 use super::fences::{Spot, may_be_of_fence, rail};
@@ -80,6 +80,11 @@ impl FittedPole {
     /// traffic.
     pub fn has_sheeting(&self, config: &PoleConfig) -> bool {
         self.reflectance >= config.sheeting_reflectance
+    }
+
+    /// Where its axis, made longer if need be, is as high as a point: map (x, z).
+    pub fn at_height_of(&self, point: &Point3<f64>) -> Point2<f64> {
+        Point2::new(self.foot.x, self.foot.z) + self.slope * (self.foot.y - point.y)
     }
 
     /// Puts its ends, at their heights, on an axis.

@@ -45,6 +45,9 @@ pub struct TreeConfig {
     /// radius then tells nothing, for a plate makes its post look thick, nor does
     /// what is around its upper end, for signs stand before hedges.
     pub sheeting: f64,
+    /// What hangs on another pole is within this of its axis, metres, and is no
+    /// crown of this one: signs and lights.
+    pub reach_of_others_m: f64,
     /// So many poles with as many trees as posts among them count with those of
     /// a place when it is asked how many there are trees: avenues have more of
     /// them than squares.
@@ -65,6 +68,7 @@ impl Default for TreeConfig {
             bare_m: 3.8,
             no_crown: 0.8,
             sheeting: 5.0,
+            reach_of_others_m: 0.5,
             usual_poles: 6.0,
         }
     }
@@ -99,20 +103,18 @@ pub(super) struct Kinds<'a> {
     plumb: &'a Plumb,
     stacks: &'a Stacks,
     config: &'a PoleConfig,
-    /// Log odds of trees among the poles of the place, nats.
+    /// The poles of the place.
+    poles: &'a [FittedPole],
+    /// Log odds of trees among them, nats.
     prior: f64,
 }
 
 impl<'a> Kinds<'a> {
     /// For the poles of a place, which tell how many trees are among them.
-    pub fn of<'p>(
-        poles: impl Iterator<Item = &'p FittedPole>,
-        plumb: &'a Plumb,
-        stacks: &'a Stacks,
-        config: &'a PoleConfig,
-    ) -> Self {
-        let mut kinds = Self { plumb, stacks, config, prior: 0.0 };
+    pub fn of(poles: &'a [FittedPole], plumb: &'a Plumb, stacks: &'a Stacks, config: &'a PoleConfig) -> Self {
+        let mut kinds = Self { plumb, stacks, config, poles, prior: 0.0 };
         let odds: Vec<f64> = poles
+            .iter()
             .filter(|p| kinds.may_be_tree(p))
             .map(|p| if kinds.is_crowned(p) { CERTAIN } else { kinds.tree_odds(p) })
             .collect();
@@ -122,7 +124,17 @@ impl<'a> Kinds<'a> {
 
     /// Whether a crown or a roof is over it: a parasol is no post either.
     fn has_crown(&self, pole: &FittedPole) -> bool {
-        has_crown(pole, self.stacks, self.config)
+        let far_m = self.config.crown_radii_m[1] + self.config.trees.reach_of_others_m;
+        let others: Vec<Point2<f64>> = self
+            .poles
+            .iter()
+            .map(|other| other.at_height_of(&pole.top))
+            .filter(|at| {
+                let off_m = (at.x - pole.top.x).hypot(at.y - pole.top.z);
+                off_m >= self.config.ring_inner_m && off_m <= far_m
+            })
+            .collect();
+        has_crown(pole, &others, self.stacks, self.config)
     }
 
     /// Whether its crown makes a tree of it.
@@ -188,21 +200,31 @@ const CERTAIN: f64 = 20.0;
 /// Steps of the expectation-maximization: the share settles within a few.
 const PRIOR_STEPS: usize = 20;
 
-/// Whether something is above the upper end and around it. What is no farther off
-/// than a plate reaches is a plate where it covers the post.
-pub(super) fn has_crown(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> bool {
+/// Whether something is above the upper end and around it that is not on one of
+/// `others`, which stand at these places (x, z). What is no farther off than a plate
+/// reaches is a plate where it covers the post.
+pub(super) fn has_crown(pole: &FittedPole, others: &[Point2<f64>], stacks: &Stacks, config: &PoleConfig) -> bool {
     let [near_m, far_m] = config.crown_radii_m;
-    is_filled_above(pole, stacks, 0.0, near_m..far_m, config)
-        || (is_filled_above(pole, stacks, 0.0, 0.0..far_m, config) && !is_covered(pole, stacks, config))
+    is_filled_above(pole, others, stacks, 0.0, near_m..far_m, config)
+        || (is_filled_above(pole, others, stacks, 0.0, 0.0..far_m, config) && !is_covered(pole, stacks, config))
 }
 
 /// Whether something is right over the upper end, its own cap aside: a plate, or
 /// the crown that a stem goes on into. What stands by a bollard is beside it.
 fn is_covered(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> bool {
-    is_filled_above(pole, stacks, 2.0 * config.slice_m, 0.0..config.ring_inner_m, config)
+    is_filled_above(pole, &[], stacks, 2.0 * config.slice_m, 0.0..config.ring_inner_m, config)
 }
 
-fn is_filled_above(pole: &FittedPole, stacks: &Stacks, from_m: f64, radii_m: Range<f64>, config: &PoleConfig) -> bool {
+fn is_filled_above(
+    pole: &FittedPole,
+    others: &[Point2<f64>],
+    stacks: &Stacks,
+    from_m: f64,
+    radii_m: Range<f64>,
+    config: &PoleConfig,
+) -> bool {
     let heights_m = pole.top_height_m + from_m..pole.top_height_m + config.crown_height_m;
-    stacks.filled_share(&Point2::new(pole.top.x, pole.top.z), heights_m, radii_m) >= config.crown_share
+    let is_of_other = |at: &Point2<f64>| others.iter().any(|o| (o - at).norm() < config.trees.reach_of_others_m);
+    let at = Point2::new(pole.top.x, pole.top.z);
+    stacks.filled_share(&at, heights_m, radii_m, is_of_other) >= config.crown_share
 }

@@ -64,16 +64,20 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
     let fitted = fit(&plumb, Wanted::PolesAndFences);
     // What is no pole itself may still carry the rail that goes on to others.
     let fenced = in_fences(&fitted.iter().map(|(pole, _)| pole).collect::<Vec<_>>(), config);
-    let poles = fitted.iter().zip(&fenced).filter(|((_, is_pole), fenced)| *is_pole && !**fenced);
-    let kinds = Kinds::of(poles.map(|((pole, _), _)| pole), &plumb, &stacks, config);
+    let poles: Vec<FittedPole> = fitted
+        .into_iter()
+        .zip(fenced)
+        .filter_map(|((pole, is_pole), fenced)| (is_pole && !fenced).then_some(pole))
+        .collect();
+    let kinds = Kinds::of(&poles, &plumb, &stacks, config);
+    let kinds: Vec<PoleKind> = poles.iter().map(|pole| kinds.of_pole(pole)).collect();
     let mut kept: Vec<(PoleKind, FittedPole)> = Vec::new();
-    for ((pole, _), _) in fitted.into_iter().zip(fenced).filter(|((_, is_pole), fenced)| *is_pole && !fenced) {
+    for (kind, pole) in kinds.into_iter().zip(poles) {
         // Two stacks of one pole, above and below a sign, fit the same axis.
         let known = kept.iter().any(|(_, k)| {
             let off = Point2::new(k.foot.x - pole.foot.x, k.foot.z - pole.foot.z);
             off.coords.norm() < config.ring_inner_m
         });
-        let kind = kinds.of_pole(&pole);
         if !known && (kind != PoleKind::Trunk || config.keep_trunks) && !ends_fence(cloud, &pole, config) {
             kept.push((kind, pole));
         }
@@ -172,7 +176,7 @@ fn is_of_what_is_behind(pole: &FittedPole, stack: &Stack, stacks: &Stacks, confi
     stack.is_before
         && !is_equipped_post(pole, config)
         && pole.top_height_m <= config.hedge_top_m
-        && has_crown(pole, stacks, config)
+        && has_crown(pole, &[], stacks, config)
 }
 
 /// Whether it is a post with sheeting on it.

@@ -11,7 +11,8 @@ fn kind_among(pole: &FittedPole, others: &[FittedPole], cloud: &Cloud) -> PoleKi
     let config = PoleConfig::default();
     let stacks = Stacks::new(&cloud.points, cloud.ground.grid(), &config);
     let plumb = Plumb { slope: Vector2::zeros(), lean_rad: config.usual_lean_rad };
-    Kinds::of(others.iter().chain([pole]), &plumb, &stacks, &config).of_pole(pole)
+    let poles: Vec<FittedPole> = others.iter().chain([pole]).cloned().collect();
+    Kinds::of(&poles, &plumb, &stacks, &config).of_pole(pole)
 }
 
 fn kind(pole: &FittedPole, street: Street) -> PoleKind {
@@ -32,9 +33,14 @@ fn stem(radius_m: f64, lean_rad: f64) -> FittedPole {
 
 /// Points in a box around a place 28 m ahead, up to so far from it.
 fn add_leaves(street: &mut Street, height_m: f64, half: Vector3<f64>) {
+    add_leaves_aside(street, 0.0, height_m, half);
+}
+
+/// The same so far to the right.
+fn add_leaves_aside(street: &mut Street, aside_m: f64, height_m: f64, half: Vector3<f64>) {
     for k in 0..4000_u32 {
         let spread = |step: u32| 2.0 * f64::from(k * step % 401) / 401.0 - 1.0;
-        let off = Vector3::new(half.x * spread(7), half.y * spread(131) - height_m, half.z * spread(53));
+        let off = Vector3::new(aside_m + half.x * spread(7), half.y * spread(131) - height_m, half.z * spread(53));
         street.add(Point3::new(5.0, CAMERA_HEIGHT_M, 28.0) + off, (k % 10) as u16, 0.3, None);
     }
 }
@@ -92,6 +98,20 @@ fn a_plate_over_a_post_is_no_crown_and_what_is_around_it_is() {
         };
         assert_eq!((kind(plate), kind(around)), (PoleKind::SignPost, PoleKind::Trunk), "{radius_m}");
     }
+}
+
+#[test]
+fn the_lamp_on_a_mast_beside_a_post_is_no_crown_of_the_post() {
+    let post = FittedPole { top_height_m: 2.2, top_is_open: false, ..stem(0.03, 0.01) };
+    let mut mast = stem(0.08, 0.0);
+    mast.foot.x += 0.8;
+    mast.top.x += 0.8;
+    let mut street = Street::new();
+    add_leaves_aside(&mut street, 0.8, 2.9, Vector3::new(0.2, 0.5, 0.2));
+    let cloud = street.cloud();
+    // Where no mast is, it is branches.
+    let kinds = [kind_among(&post, &[mast], &cloud), kind_among(&post, &[], &cloud)];
+    assert_eq!(kinds, [PoleKind::SignPost, PoleKind::Trunk]);
 }
 
 #[test]

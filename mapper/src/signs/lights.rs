@@ -212,8 +212,11 @@ fn light(hits: &[Beside], all: &[Beside], axis: &Axis, usual_m: f64, lights: &Li
     let level = all.iter().filter(|h| h.height >= low && h.height <= high);
     let dark_hits = level.clone().filter(|h| h.is_dark).count() as f64;
     let dark = dark_hits / level.clone().count().max(1) as f64;
-    // What reaches from a bare post is noise.
-    let of_box = level.filter(|h| h.is_of_wide || !h.is_dark);
+    let off = mean(hits);
+    // What reaches from a bare post is noise, and what is nearer to its axis than to the
+    // box is its own.
+    let is_of_box = |h: &&Beside| (h.middle - off).norm_squared() < h.middle.norm_squared();
+    let of_box = level.filter(|h| h.is_of_wide || !h.is_dark).filter(is_of_box);
     let evidence: f64 = of_box.map(|h| dark_gain(h, lights)).sum();
     let is_light = evidence >= lights.fewest_hits as f64
         && scans.len() >= lights.fewest_scans
@@ -224,7 +227,6 @@ fn light(hits: &[Beside], all: &[Beside], axis: &Axis, usual_m: f64, lights: &Li
     // Upper edges are mostly above what the lidar sees.
     let height_m = usual_m.max(high - low);
     let height = low + 0.5 * height_m;
-    let off = mean(hits);
     let place = axis.at(height).coords + off;
     is_light.then(|| FoundSign {
         kind: SignKind::TrafficLight,
@@ -277,6 +279,16 @@ mod tests {
         let [upper, lower] = &found[..] else { panic!("{found:?}") };
         assert!((-lower.centroid.y - 2.3).abs() < 0.05 && (-upper.centroid.y - 2.8).abs() < 0.07, "{found:?}");
         assert!((upper.centroid.x - 0.2).abs() < 0.03 && (lower.centroid.z + 0.18).abs() < 0.03, "{found:?}");
+    }
+
+    #[test]
+    fn what_shows_of_the_mast_beside_its_light_is_no_part_of_that() {
+        let seen = |other: (f64, f64)| {
+            let heights_m = (2.4, 2.8);
+            lights([hits((0.0, -0.2), heights_m, 60.0, true), hits(other, heights_m, 20.0, false)].concat()).len()
+        };
+        // As much at the place of the box would be a part of something else.
+        assert_eq!((seen((0.0, 0.02)), seen((0.0, -0.2))), (1, 0));
     }
 
     #[test]

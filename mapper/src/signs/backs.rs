@@ -88,11 +88,7 @@ fn is_back(plate: &Plate, rows: &[Row], all: &[Plate], known: Known, config: &Si
         (Some(post_m), Some(plate_m)) => *plate_m >= backs.least_over_post * post_m,
         _ => false,
     };
-    let (fewest_rows, least_agreement) = if known.carries_sign {
-        (backs.fewest_rows_beside, backs.least_agreement_beside)
-    } else {
-        (backs.fewest_rows, backs.least_agreement)
-    };
+    let fewest_rows = if known.carries_sign { backs.fewest_rows_beside } else { backs.fewest_rows };
     height_m >= backs.least_height_m
         && (narrowest..=widest).contains(&plate.width_m)
         && height_m <= backs.largest_aspect * plate.width_m
@@ -100,7 +96,7 @@ fn is_back(plate: &Plate, rows: &[Row], all: &[Plate], known: Known, config: &Si
         && plate.thickness_m <= backs.thickest_m
         && plate.rows >= fewest_rows
         && plate.scans >= backs.fewest_scans
-        && plate.agreement >= least_agreement
+        && plate.agreement >= backs.least_agreement
         && (known.is_hidden || (post_m.len() >= backs.fewest_post_rows && stands_out()))
 }
 

@@ -180,10 +180,12 @@ pub struct BackConfig {
     pub fewest_rows_beside: usize,
     /// Fewest scans.
     pub fewest_scans: usize,
-    /// Least share of the rows between its edges that are long.
+    /// Least share of the rows between its edges that are long: leaves and lost returns cut
+    /// some short.
     pub least_agreement: f64,
-    /// The same on a post that carries another sign.
-    pub least_agreement_beside: f64,
+    /// What was taken for a trunk is asked for plates up to this radius, metres: beside a
+    /// roof or leaves a thin post looks like a tree, and no street tree is as thin.
+    pub thickest_stem_m: f64,
     /// Fewest rows on the bare post below it.
     pub fewest_post_rows: usize,
     /// Least width of its rows over those of the bare post below it: those of a
@@ -204,8 +206,8 @@ impl Default for BackConfig {
             fewest_rows: 5,
             fewest_rows_beside: 4,
             fewest_scans: 2,
-            least_agreement: 0.8,
-            least_agreement_beside: 0.7,
+            least_agreement: 0.7,
+            thickest_stem_m: 0.06,
             fewest_post_rows: 4,
             least_over_post: 1.6,
         }

@@ -67,7 +67,7 @@ pub fn find_signs(
     let carries_sign = |pole: &FittedPole| bright.iter().flatten().any(|sign| is_over(sign, &pole.top));
     let on_posts: Vec<Vec<FoundSign>> = poles
         .par_iter()
-        .filter(|(kind, _)| *kind != PoleKind::Trunk)
+        .filter(|(kind, pole)| *kind != PoleKind::Trunk || pole.radius_m <= config.backs.thickest_stem_m)
         .map(|(_, pole)| on_post(pole, carries_sign(pole), cloud, config, lidar))
         .collect();
     // Of what hides in part, bright points alone tell least.
@@ -84,16 +84,19 @@ pub fn find_signs(
 
 /// What is called a sign post ends at a sign: where none hangs at the upper end of
 /// a post, leaves may hide how far it goes on (of 46 such posts on ten generated
-/// drives 32 do go on, 26 of them lamp posts), and it counts as a lamp post.
-pub fn name_posts(poles: &mut [(PoleKind, FittedPole)], signs: &[FoundSign]) {
-    for (kind, pole) in poles.iter_mut().filter(|(kind, _)| *kind == PoleKind::SignPost) {
+/// drives 32 do go on, 26 of them lamp posts), and it counts as a lamp post. A stem
+/// as thin as a post that ends at a sign is one.
+pub fn name_posts(poles: &mut [(PoleKind, FittedPole)], signs: &[FoundSign], config: &BackConfig) {
+    for (kind, pole) in poles {
         let ends_at = |sign: &FoundSign| {
             let upper = sign.centroid.y - sign.size_m / 2.0;
             is_over(sign, &pole.top) && upper < pole.top.y + BELOW_TOP_M
         };
-        if !signs.iter().any(ends_at) {
-            *kind = PoleKind::LampPost;
-        }
+        *kind = match (*kind, signs.iter().any(ends_at)) {
+            (PoleKind::SignPost, false) => PoleKind::LampPost,
+            (PoleKind::Trunk, true) if pole.radius_m <= config.thickest_stem_m => PoleKind::SignPost,
+            (kind, _) => kind,
+        };
     }
 }
 

@@ -61,15 +61,20 @@ impl Post {
     }
 
     /// The same, and the poles.
-    fn built(mut self, bare_m: &[(f64, f64)]) -> (Vec<(PoleKind, FittedPole)>, Vec<FoundSign>) {
+    fn built(self, bare_m: &[(f64, f64)]) -> (Vec<(PoleKind, FittedPole)>, Vec<FoundSign>) {
+        let (cloud, poles) = self.cloud_and_poles(bare_m);
+        let signs = find_signs(&cloud, &poles, &SignConfig::default(), &LidarConfig::default());
+        (poles, signs)
+    }
+
+    fn cloud_and_poles(mut self, bare_m: &[(f64, f64)]) -> (Cloud, Vec<(PoleKind, FittedPole)>) {
         for (from_m, to_m) in bare_m {
             let at = |height_m: f64| self.foot - Vector3::new(0.0, height_m, 0.0);
             self.street.add_cylinder(at(*from_m), at(*to_m), 0.038);
         }
-        let (cloud, lidar) = (self.street.cloud(), LidarConfig::default());
-        let poles = find_poles(&cloud, &PoleConfig::default(), &lidar);
-        let signs = find_signs(&cloud, &poles, &SignConfig::default(), &lidar);
-        (poles, signs)
+        let cloud = self.street.cloud();
+        let poles = find_poles(&cloud, &PoleConfig::default(), &LidarConfig::default());
+        (cloud, poles)
     }
 }
 
@@ -93,11 +98,27 @@ fn a_post_that_ends_at_no_sign_may_go_on_above_and_is_no_sign_post() {
         }
         let (mut poles, signs) = post.built(&[(0.0, 2.2)]);
         let [(before, _)] = poles[..] else { panic!("{poles:?}") };
-        name_posts(&mut poles, &signs);
+        name_posts(&mut poles, &signs, &BackConfig::default());
         (before, poles[0].0)
     };
     assert_eq!(kinds(true), (PoleKind::SignPost, PoleKind::SignPost));
     assert_eq!(kinds(false), (PoleKind::SignPost, PoleKind::LampPost));
+}
+
+#[test]
+fn a_thin_stem_with_a_plate_is_a_post_and_a_thick_one_stays_a_tree() {
+    let kind = |radius_m: f64| {
+        let mut post = Post::new(5.0, 10.0);
+        post.board(0.6, (1.9, 2.4), 0.05, [None, Some(METAL)]);
+        let (cloud, mut poles) = post.cloud_and_poles(&[(0.0, 1.85)]);
+        let [(kind, pole)] = &mut poles[..] else { panic!("{poles:?}") };
+        (*kind, pole.radius_m) = (PoleKind::Trunk, radius_m);
+        let config = SignConfig::default();
+        let signs = find_signs(&cloud, &poles, &config, &LidarConfig::default());
+        name_posts(&mut poles, &signs, &config.backs);
+        (poles[0].0, signs.len())
+    };
+    assert_eq!((kind(0.04), kind(0.12)), ((PoleKind::SignPost, 1), (PoleKind::Trunk, 0)));
 }
 
 #[test]

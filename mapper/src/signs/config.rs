@@ -184,7 +184,7 @@ pub struct BackConfig {
     /// some short.
     pub least_agreement: f64,
     /// What was taken for a trunk is asked for plates up to this radius, metres: beside a
-    /// roof or leaves a thin post looks like a tree, and no street tree is as thin.
+    /// roof or leaves a thin post looks like a tree, and few trees are as thin.
     pub thickest_stem_m: f64,
     /// Fewest rows on the bare post below it.
     pub fewest_post_rows: usize,

@@ -143,7 +143,7 @@ fn poles(bencher: Bencher) {
 fn signs(bencher: Bencher) {
     bencher
         .counter(ItemsCount::new(CASE.cloud.points.len()))
-        .bench(|| find_signs(&CASE.cloud, &CASE.poles, &CASE.config.signs, &CASE.config.lidar));
+        .bench(|| find_signs(&CASE.cloud, &CASE.poles, &CASE.config));
 }
 
 /// Points of paint to lane lines.

@@ -194,8 +194,8 @@ fn extract(cloud: &Cloud, owned: &std::ops::Range<f64>, map: &SemanticMap, confi
         || {
             // Signs hang on posts.
             let mut poles = find_poles(cloud, &config.poles, &config.lidar);
-            let signs = find_signs(cloud, &poles, &config.signs, &config.lidar);
-            name_posts(&mut poles, &signs, &config.signs.backs);
+            let signs = find_signs(cloud, &poles, config);
+            name_posts(&mut poles, &signs, &config.poles);
             (poles, signs)
         },
         || {

@@ -1,7 +1,7 @@
 //! What moves, told by comparing scans: where something stood in one scan and
 //! another looks through, there is no pole.
 
-use nalgebra::{Point3, Vector2};
+use nalgebra::{Point2, Point3, Vector2};
 use rayon::prelude::*;
 
 use super::{FittedPole, PoleConfig};
@@ -116,8 +116,7 @@ fn beside_m(pole: &FittedPole, at: &Point3<f64>, view: Vector2<f64>) -> Option<f
     if length_m <= 0.0 || up_m < pole.foot_height_m.max(0.2 * length_m) || up_m > length_m {
         return None;
     }
-    let axis = pole.foot + (pole.top - pole.foot) * (up_m / length_m);
-    Some(Vector2::new(at.x - axis.x, at.z - axis.z).perp(&view).abs())
+    Some((Point2::new(at.x, at.z) - pole.at_height_of(at)).perp(&view).abs())
 }
 
 /// Sector of the horizon that a direction, map (x, z), falls in. They are even

@@ -163,6 +163,12 @@ mod tests {
     }
 
     #[test]
+    fn a_board_of_which_leaves_cut_every_fourth_row_is_a_sign_and_of_every_third_none() {
+        let is_sign = |agreement: f64| is_sign(&Plate { agreement, ..board(0.5) }, 0.06, UNKNOWN);
+        assert!(is_sign(0.75) && !is_sign(0.66));
+    }
+
+    #[test]
     fn what_is_dark_and_narrow_is_a_light_and_ends_above_what_is_seen() {
         let lights = LightConfig::default();
         let kind =

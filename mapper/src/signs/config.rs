@@ -183,9 +183,6 @@ pub struct BackConfig {
     /// Least share of the rows between its edges that are long: leaves and lost returns cut
     /// some short.
     pub least_agreement: f64,
-    /// What was taken for a trunk is asked for plates up to this radius, metres: beside a
-    /// roof or leaves a thin post looks like a tree, and few trees are as thin.
-    pub thickest_stem_m: f64,
     /// Fewest rows on the bare post below it.
     pub fewest_post_rows: usize,
     /// Least width of its rows over those of the bare post below it: those of a
@@ -207,7 +204,6 @@ impl Default for BackConfig {
             fewest_rows_beside: 4,
             fewest_scans: 2,
             least_agreement: 0.7,
-            thickest_stem_m: 0.06,
             fewest_post_rows: 4,
             least_over_post: 1.6,
         }

@@ -30,8 +30,9 @@ use backs::Known;
 use bright::{BrightPlate, bright_plates};
 
 use crate::cloud::Cloud;
+use crate::config::Config;
 use crate::lidar::LidarConfig;
-use crate::poles::FittedPole;
+use crate::poles::{FittedPole, PoleConfig};
 
 /// A sign as found.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,19 +56,15 @@ pub struct FoundSign {
 }
 
 /// The signs and lights of a stitched cloud, given its poles.
-pub fn find_signs(
-    cloud: &Cloud,
-    poles: &[(PoleKind, FittedPole)],
-    config: &SignConfig,
-    lidar: &LidarConfig,
-) -> Vec<FoundSign> {
+pub fn find_signs(cloud: &Cloud, poles: &[(PoleKind, FittedPole)], config: &Config) -> Vec<FoundSign> {
+    let Config { signs: config, poles: of_poles, lidar, .. } = config;
     let bright = bright_plates(cloud, config, lidar);
     let bright: Vec<Vec<FoundSign>> =
         bright.par_iter().map(|plate| outlined(plate, cloud, poles, config, lidar)).collect();
     let carries_sign = |pole: &FittedPole| bright.iter().flatten().any(|sign| is_over(sign, &pole.top));
     let on_posts: Vec<Vec<FoundSign>> = poles
         .par_iter()
-        .filter(|(kind, pole)| *kind != PoleKind::Trunk || pole.radius_m <= config.backs.thickest_stem_m)
+        .filter(|(kind, pole)| may_be_post(*kind, pole, of_poles))
         .map(|(_, pole)| on_post(pole, carries_sign(pole), cloud, config, lidar))
         .collect();
     // Of what hides in part, bright points alone tell least.
@@ -86,7 +83,7 @@ pub fn find_signs(
 /// a post, leaves may hide how far it goes on (of 46 such posts on ten generated
 /// drives 32 do go on, 26 of them lamp posts), and it counts as a lamp post. A stem
 /// as thin as a post that ends at a sign is one.
-pub fn name_posts(poles: &mut [(PoleKind, FittedPole)], signs: &[FoundSign], config: &BackConfig) {
+pub fn name_posts(poles: &mut [(PoleKind, FittedPole)], signs: &[FoundSign], config: &PoleConfig) {
     for (kind, pole) in poles {
         let ends_at = |sign: &FoundSign| {
             let upper = sign.centroid.y - sign.size_m / 2.0;
@@ -94,10 +91,16 @@ pub fn name_posts(poles: &mut [(PoleKind, FittedPole)], signs: &[FoundSign], con
         };
         *kind = match (*kind, signs.iter().any(ends_at)) {
             (PoleKind::SignPost, false) => PoleKind::LampPost,
-            (PoleKind::Trunk, true) if pole.radius_m <= config.thickest_stem_m => PoleKind::SignPost,
+            (PoleKind::Trunk, true) if may_be_post(*kind, pole, config) => PoleKind::SignPost,
             (kind, _) => kind,
         };
     }
+}
+
+/// Whether plates may hang on it: beside a roof or leaves a slender post looks like a
+/// tree, and few trees are as thin.
+fn may_be_post(kind: PoleKind, pole: &FittedPole, config: &PoleConfig) -> bool {
+    kind != PoleKind::Trunk || pole.radius_m <= config.slender_m
 }
 
 /// Whether a sign is where a post is, seen from above.

@@ -1,7 +1,7 @@
 use nalgebra::Vector3;
 
 use super::*;
-use crate::poles::{PoleConfig, find_poles};
+use crate::poles::find_poles;
 use crate::testing::{CAMERA_HEIGHT_M, Street};
 
 /// A post with what hangs on it, hit by the beams of a lidar as a real one has
@@ -63,7 +63,7 @@ impl Post {
     /// The same, and the poles.
     fn built(self, bare_m: &[(f64, f64)]) -> (Vec<(PoleKind, FittedPole)>, Vec<FoundSign>) {
         let (cloud, poles) = self.cloud_and_poles(bare_m);
-        let signs = find_signs(&cloud, &poles, &SignConfig::default(), &LidarConfig::default());
+        let signs = find_signs(&cloud, &poles, &Config::default());
         (poles, signs)
     }
 
@@ -83,8 +83,7 @@ fn a_board_as_bright_as_white_plaster_is_no_sign() {
     let signs = |shade: f32| {
         let mut post = Post::new(4.0, 30.0);
         post.board(0.6, (2.0, 2.6), 0.1, [Some(shade), Some(METAL)]);
-        let (cloud, lidar) = (post.street.cloud(), LidarConfig::default());
-        find_signs(&cloud, &[], &SignConfig::default(), &lidar).len()
+        find_signs(&post.street.cloud(), &[], &Config::default()).len()
     };
     assert_eq!((signs(SHEETING), signs(0.78)), (1, 0));
 }
@@ -98,7 +97,7 @@ fn a_post_that_ends_at_no_sign_may_go_on_above_and_is_no_sign_post() {
         }
         let (mut poles, signs) = post.built(&[(0.0, 2.2)]);
         let [(before, _)] = poles[..] else { panic!("{poles:?}") };
-        name_posts(&mut poles, &signs, &BackConfig::default());
+        name_posts(&mut poles, &signs, &PoleConfig::default());
         (before, poles[0].0)
     };
     assert_eq!(kinds(true), (PoleKind::SignPost, PoleKind::SignPost));
@@ -113,9 +112,9 @@ fn a_thin_stem_with_a_plate_is_a_post_and_a_thick_one_stays_a_tree() {
         let (cloud, mut poles) = post.cloud_and_poles(&[(0.0, 1.85)]);
         let [(kind, pole)] = &mut poles[..] else { panic!("{poles:?}") };
         (*kind, pole.radius_m) = (PoleKind::Trunk, radius_m);
-        let config = SignConfig::default();
-        let signs = find_signs(&cloud, &poles, &config, &LidarConfig::default());
-        name_posts(&mut poles, &signs, &config.backs);
+        let config = Config::default();
+        let signs = find_signs(&cloud, &poles, &config);
+        name_posts(&mut poles, &signs, &config.poles);
         (poles[0].0, signs.len())
     };
     assert_eq!((kind(0.04), kind(0.12)), ((PoleKind::SignPost, 1), (PoleKind::Trunk, 0)));

@@ -41,6 +41,10 @@ pub struct FordConfig {
     pub half_bar_m: f64,
     /// Fewest points of paint on each side of a bar: a few are grains.
     pub fewest_across: f64,
+    /// Share of the paint of a line that may look like bars: more of what runs over
+    /// the two crossings of a junction does, and of what runs through a hatched
+    /// area; of lines beside which either begins less than a sixth.
+    pub largest_barred_share: f64,
 }
 
 impl Default for FordConfig {
@@ -55,6 +59,7 @@ impl Default for FordConfig {
             largest_across_share: 0.15,
             half_bar_m: 1.0,
             fewest_across: 6.0,
+            largest_barred_share: 0.25,
         }
     }
 }
@@ -117,30 +122,87 @@ fn shares(row: &[Bin], paint: &Paint, config: &LaneConfig) -> Vec<(f64, f64)> {
     seen.map(|(i, (bright, road))| (middle_m(i), f64::min(bright / road, 1.0))).collect()
 }
 
-/// What has as dense paint on its both sides as the bars of crossings have,
-/// and far denser than where the line itself runs, is one of them.
+/// Unpaints the bars of crossings: what has as dense paint on its both sides as
+/// they have, and far denser than where the line itself runs.
 pub fn forget_bars(bins: &mut [Bin], config: &LaneConfig) {
-    let fords = &config.fords;
-    let half = (fords.half_bar_m / config.profile_m) as usize;
-    let near = |i: usize| &bins[i.saturating_sub(half)..(i + half + 1).min(bins.len())];
-    let across = |i: usize| {
-        let sides = [0, 1].map(|k| near(i).iter().map(|b| b.across[k]).sum::<f64>());
-        sides[0].min(sides[1])
-    };
-    let painted: Vec<(usize, f64)> = (0..bins.len()).filter(|i| bins[*i].painted).map(|i| (i, across(i))).collect();
-    let mut sorted: Vec<f64> = painted.iter().map(|(_, across)| *across).collect();
+    let painted: Vec<usize> = (0..bins.len()).filter(|i| bins[*i].painted).collect();
+    let mut sorted: Vec<f64> = painted.iter().map(|i| across(bins, *i, config)).collect();
     sorted.sort_by(f64::total_cmp);
     let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-    let [from_m, to_m] = fords.across_m;
-    let is_bar = |(i, across): &(usize, f64)| {
-        let own = near(*i).iter().map(|b| b.bright).sum::<f64>() / (2.0 * config.half_line_m);
-        let density = across / (to_m - from_m);
-        *across >= fords.fewest_across
-            && *across > config.least_share_ratio * usual
-            && density > fords.largest_across_share * own
-    };
-    let bars: Vec<usize> = painted.iter().filter(|bar| is_bar(bar)).map(|(i, _)| *i).collect();
+    let is_dense = |i: usize| across(bins, i, config) > config.least_share_ratio * usual;
+    let bars: Vec<usize> = painted.into_iter().filter(|i| looks_like_bar(bins, *i, config) && is_dense(*i)).collect();
     for i in bars {
         bins[i].painted = false;
+    }
+}
+
+/// Share of the painted bins that look like bars of a crossing. Where most of what
+/// passes for a line does, none of it stands out as one.
+pub fn barred_share(bins: &[Bin], config: &LaneConfig) -> f64 {
+    let painted: Vec<usize> = (0..bins.len()).filter(|i| bins[*i].painted && bins[*i].bright > 0.0).collect();
+    let barred = painted.iter().filter(|i| looks_like_bar(bins, **i, config)).count();
+    barred as f64 / painted.len().max(1) as f64
+}
+
+/// Whether the paint of a bin has as dense paint on its both sides as the bars of
+/// crossings have.
+fn looks_like_bar(bins: &[Bin], i: usize, config: &LaneConfig) -> bool {
+    let fords = &config.fords;
+    let across = across(bins, i, config);
+    let own = around(bins, i, config).iter().map(|b| b.bright).sum::<f64>() / (2.0 * config.half_line_m);
+    let [from_m, to_m] = fords.across_m;
+    across >= fords.fewest_across && across / (to_m - from_m) > fords.largest_across_share * own
+}
+
+/// Points of paint around a bin where the next bars would be, on the side that has
+/// fewer.
+fn across(bins: &[Bin], i: usize, config: &LaneConfig) -> f64 {
+    let around = around(bins, i, config);
+    let [left, right] = [0, 1].map(|k| around.iter().map(|b| b.across[k]).sum::<f64>());
+    left.min(right)
+}
+
+/// The bins around one, as far as the shortest bars reach.
+fn around<'a>(bins: &'a [Bin], i: usize, config: &LaneConfig) -> &'a [Bin] {
+    let half = (config.fords.half_bar_m / config.profile_m) as usize;
+    &bins[i.saturating_sub(half)..(i + half + 1).min(bins.len())]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Bins of dashes of 3 m every 12 m, the given ones of them with paint on both
+    /// sides or on one.
+    fn dashes(both: std::ops::Range<usize>, one: std::ops::Range<usize>) -> Vec<Bin> {
+        let bin = |i: usize| {
+            let painted = i % 48 < 12;
+            let across = match i / 48 {
+                k if painted && both.contains(&k) => [4.0; 2],
+                k if painted && one.contains(&k) => [4.0, 0.0],
+                _ => [0.0; 2],
+            };
+            Bin { painted, bright: if painted { 5.0 } else { 0.0 }, across, ..Bin::default() }
+        };
+        (0..240).map(bin).collect()
+    }
+
+    #[test]
+    fn what_runs_over_crossings_consists_of_bars_and_what_runs_beside_arrows_does_not() {
+        let config = LaneConfig::default();
+        let barred = |bins: &[Bin]| (barred_share(bins, &config) * 5.0).round() as usize;
+        assert_eq!([0, 1, 3, 5].map(|count| barred(&dashes(0..count, 0..0))), [0, 1, 3, 5]);
+        assert_eq!(barred(&dashes(0..0, 0..5)), 0);
+    }
+
+    #[test]
+    fn one_bar_on_a_line_is_no_paint_of_it_and_where_all_are_none_stands_out() {
+        let config = LaneConfig::default();
+        let left = |mut bins: Vec<Bin>| {
+            forget_bars(&mut bins, &config);
+            bins.chunks(48).map(|dash| dash.iter().any(|b| b.painted)).collect::<Vec<bool>>()
+        };
+        assert_eq!(left(dashes(2..3, 0..2)), [true, true, false, true, true]);
+        assert_eq!(left(dashes(0..5, 0..0)), [true; 5]);
     }
 }

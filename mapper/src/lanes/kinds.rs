@@ -6,7 +6,7 @@ use common::map::LaneKind;
 
 use super::LaneConfig;
 use super::profile::{Bin, runs};
-use super::spacing::are_even;
+use super::spacing::{are_dense, are_even};
 
 /// A stretch of a line that is painted in one way: bins from the first of its
 /// paint to the first of the next stretch.
@@ -104,7 +104,7 @@ fn are_dashes(part: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> bool 
     part.len() >= config.fewest_dashes
         && (lengths[lengths.len() / 2] as f64 * config.profile_m >= config.shortest_dash_m || repeats())
         && painted >= config.least_painted
-        && (painted >= config.spacing.dense_share || are_even(part, config))
+        && (are_dense(part, config) || are_even(part, config))
 }
 
 #[cfg(test)]
@@ -147,6 +147,8 @@ mod tests {
         };
         assert_eq!(kinds(&[3.5, 2.25, 2.75, 0.75, 1.25, 0.75, 4.0]), [LaneKind::Dashed]);
         assert_eq!(kinds(&[8.0, 1.0, 8.0, 2.0, 3.0]), [LaneKind::Dashed]);
+        // As much of it is painted, and no pattern has such a gap.
+        assert_eq!(kinds(&[4.0, 1.5, 5.0, 10.0, 1.75]), []);
         // Bars of two crossings and a stop line.
         assert_eq!(kinds(&[3.5, 12.0, 3.5, 6.5, 1.5]), []);
     }

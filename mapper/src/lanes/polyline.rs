@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::chains::join;
 use super::decision::clear_share;
+use super::fords::barred_share;
 use super::kinds::{Stretch, stretches};
 use super::marks::marks;
 use super::piece::without_doubles;
@@ -70,6 +71,9 @@ fn piece(
     let mean = |of: &dyn Fn(&Bin) -> f64| painted.iter().map(|b| of(b)).sum::<f64>() / painted.len().max(1) as f64;
     let spread_m = mean(&|b| b.off_m * b.off_m).sqrt();
     if spread_m > config.largest_spread_m {
+        return None;
+    }
+    if barred_share(bins, config) > config.fords.largest_barred_share {
         return None;
     }
     let contrast = mean(&|b| b.contrast);

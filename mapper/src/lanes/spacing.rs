@@ -22,12 +22,37 @@ pub struct SpacingConfig {
     /// fifths; broad and narrow gaps alternate where dashes are worn into pieces,
     /// and what lies there by chance is far apart.
     pub dense_share: f64,
+    /// Longest gap of such a line, metres: patterns of which two fifths are painted
+    /// have gaps of 6 m at most.
+    pub longest_dense_gap_m: f64,
+    /// Least share of its gaps that have to be no longer: one dash in five may be
+    /// worn off or hidden.
+    pub least_dense_gap_share: f64,
 }
 
 impl Default for SpacingConfig {
     fn default() -> Self {
-        Self { within_m: 0.75, least_even_share: 0.6, dense_share: 0.4 }
+        Self {
+            within_m: 0.75,
+            least_even_share: 0.6,
+            dense_share: 0.4,
+            longest_dense_gap_m: 6.0,
+            least_dense_gap_share: 0.8,
+        }
     }
+}
+
+/// Whether so much is painted between the gaps of a line that its dashes may be
+/// worn into pieces of any length.
+pub fn are_dense(runs: &[Range<usize>], config: &LaneConfig) -> bool {
+    let spacing = &config.spacing;
+    let (Some(first), Some(last)) = (runs.first(), runs.last()) else { return false };
+    let painted = runs.iter().map(ExactSizeIterator::len).sum::<usize>() as f64;
+    let gaps: Vec<usize> = runs.windows(2).map(|pair| pair[1].start - pair[0].end).collect();
+    let is_short = |gap: &&usize| **gap as f64 * config.profile_m <= spacing.longest_dense_gap_m;
+    let short = gaps.iter().filter(is_short).count() as f64;
+    painted >= spacing.dense_share * (last.end - first.start) as f64
+        && short >= spacing.least_dense_gap_share * gaps.len() as f64
 }
 
 /// Whether runs of painted bins follow each other as the dashes of a line do. Of a
@@ -52,11 +77,25 @@ mod tests {
     /// Whether dashes that begin and end so are even, metres.
     fn even(dashes_m: &[[f64; 2]]) -> bool {
         let config = LaneConfig::default();
-        let runs: Vec<Range<usize>> = dashes_m
-            .iter()
-            .map(|[from_m, to_m]| (from_m / config.profile_m) as usize..(to_m / config.profile_m) as usize)
-            .collect();
-        are_even(&runs, &config)
+        are_even(&runs(dashes_m, &config), &config)
+    }
+
+    fn runs(dashes_m: &[[f64; 2]], config: &LaneConfig) -> Vec<Range<usize>> {
+        let bins = |m: f64| (m / config.profile_m) as usize;
+        dashes_m.iter().map(|[from_m, to_m]| bins(*from_m)..bins(*to_m)).collect()
+    }
+
+    #[test]
+    fn dashes_in_pieces_lie_close_and_one_may_be_worn_off() {
+        let config = LaneConfig::default();
+        let dense = |dashes_m: &[[f64; 2]]| are_dense(&runs(dashes_m, &config), &config);
+        let pieces = [[0.0, 4.0], [4.75, 6.0], [9.0, 12.0], [14.5, 18.0], [21.0, 23.0], [26.0, 30.0], [33.0, 35.0]];
+        assert!(dense(&pieces));
+        // The third of seven is worn off; of four it is none of theirs that is missing.
+        let without = [&pieces[..2], &pieces[3..]].concat();
+        assert!(dense(&without) && !dense(&without[..4]));
+        // Blots along a house front: as much of them is painted, and they lie anywhere.
+        assert!(!dense(&[[0.0, 9.0], [13.25, 15.0], [22.5, 23.5], [25.0, 25.75], [37.75, 44.0], [46.5, 48.0]]));
     }
 
     #[test]

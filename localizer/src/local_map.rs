@@ -40,6 +40,22 @@ pub struct PathPlace {
     pub forward_map: Vector3<f64>,
 }
 
+impl PathPlace {
+    /// How far a position is from it in the plane, metres.
+    pub fn distance_m(&self, position_map: &Point3<f64>) -> f64 {
+        let off = position_map - self.point_map;
+        off.x.hypot(off.z)
+    }
+
+    /// Pitch of a level camera there that is headed so, radians: up the slope when
+    /// driving along the path, down against it.
+    pub fn pitch_rad(&self, yaw_rad: f64) -> f64 {
+        let forward = self.forward_map;
+        let agreement = (yaw_rad - forward.x.atan2(forward.z)).cos();
+        (-forward.y).clamp(-1.0, 1.0).asin() * agreement
+    }
+}
+
 /// Roads and landmarks that are held in memory together.
 #[derive(Debug)]
 struct Held {

@@ -244,7 +244,9 @@ impl<'a> Tracker<'a> {
             return Ok(false);
         }
         let Some(region) = self.region.searched(&self.config.gps).cloned() else { return Ok(false) };
-        let rough = region::rough_of(&region, &self.config);
+        let position = region.map_from_camera.translation.vector.into();
+        self.map.roads_near(&position, self.config.start.path_reach_m, &mut self.sight.candidates.roads)?;
+        let rough = region::rough_of(&region, self.map, &self.sight.candidates.roads, &self.config);
         let reach = Reach {
             position_m: self.config.start.reach_sigmas * rough.sigmas[0].hypot(rough.sigmas[2]),
             angle_rad: self.config.start.reach_sigmas * rough.sigmas[4],

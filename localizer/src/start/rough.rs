@@ -32,10 +32,7 @@ impl Rough {
         heading: Option<(f64, f64)>,
         config: &StartConfig,
     ) -> Self {
-        let near = |place: &PathPlace| {
-            let off = position_map - place.point_map;
-            off.x.hypot(off.z) <= config.path_reach_m
-        };
+        let near = |place: &PathPlace| place.distance_m(position_map) <= config.path_reach_m;
         let place = map.nearest_path(roads, position_map).filter(near);
         let (yaw_rad, yaw_sigma_rad) = match (heading, place) {
             // Far off the road's it is wrong, or it turns: both are searched for.
@@ -48,13 +45,7 @@ impl Rough {
             (None, None) => (0.0, FRAC_PI_2),
         };
         let (y_m, pitch_rad, height_sigma_m) = match place {
-            Some(p) => {
-                let forward = p.forward_map;
-                // Up the slope when driving along the path, down against it.
-                let agreement = (yaw_rad - forward.x.atan2(forward.z)).cos();
-                let pitch_rad = (-forward.y).clamp(-1.0, 1.0).asin() * agreement;
-                (p.point_map.y - config.height_above_path_m, pitch_rad, config.height_sigma_m)
-            }
+            Some(p) => (p.point_map.y - config.height_above_path_m, p.pitch_rad(yaw_rad), config.height_sigma_m),
             // GPS heights are two to three times worse than positions.
             None => (position_map.y, 0.0, 2.5 * horizontal_sigma_m),
         };

@@ -241,22 +241,18 @@ impl Hypothesis {
         let start = &config.start;
         let position = Point3::from(self.state.map_from_camera.translation.vector);
         let Some(place) = map.nearest_path(roads, &position) else { return };
-        let off = position - place.point_map;
-        self.off_road_m = off.x.hypot(off.z);
+        self.off_road_m = place.distance_m(&position);
         keep_on_road(&mut self.state, &place, start);
         if self.off_road_m > start.path_reach_m {
             return;
         }
         let own = PoseParameters::from_pose(&self.state.map_from_camera);
-        let forward = place.forward_map;
-        let agreement = (own.yaw_rad - forward.x.atan2(forward.z)).cos();
-        let pitch_rad = (-forward.y).clamp(-1.0, 1.0).asin() * agreement;
         let height_m = place.point_map.y - start.height_above_path_m;
         // What the road is off by stays the same for some frames.
         let crossfall_m = start.crossfall * self.off_road_m;
         let height_sigma_m = start.road_height_sigma_m.hypot(crossfall_m) * start.height_frames.sqrt();
         self.state.measure_height(height_m - own.y_m, height_sigma_m);
-        self.state.spring_back(dt_s, [pitch_rad - own.pitch_rad, -own.roll_rad], &config.motion);
+        self.state.spring_back(dt_s, [place.pitch_rad(own.yaw_rad) - own.pitch_rad, -own.roll_rad], &config.motion);
     }
 
     /// Keeps the position from wandering off further than a fix can be wrong.

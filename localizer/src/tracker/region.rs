@@ -1,7 +1,7 @@
 //! The region in which the camera is by GPS and by the last trusted pose,
 //! whatever is tracked: where it is searched for.
 
-use common::geometry::{Tangent, local};
+use common::geometry::{PoseParameters, Tangent, local};
 use nalgebra::{Cholesky, Matrix3, Matrix6, Point3, Vector3, Vector6};
 
 use super::{FrameInput, Tracker};
@@ -9,6 +9,7 @@ use crate::Result;
 use crate::config::Config;
 use crate::filter::State;
 use crate::gps::{GpsConfig, GpsFix};
+use crate::local_map::{LocalMap, RoadKey};
 use crate::start::{Rough, keep_on_road};
 
 /// Speed of a vehicle that sets off: the least at which receivers tell a course.
@@ -174,8 +175,9 @@ fn unknown_speed(rough: &Rough, config: &Config) -> State {
     State::new(rough.map_from_camera, &rough.covariance(), velocity, &covariance, &config.motion, &config.odometry)
 }
 
-/// The region of a state, at least as wide as is worth a search.
-pub(super) fn rough_of(region: &State, config: &Config) -> Rough {
+/// The region of a state, at least as wide as is worth a search; as high and as
+/// level as the survey's path there, where that is near and it knows that less well.
+pub(super) fn rough_of(region: &State, map: &LocalMap, roads: &[RoadKey], config: &Config) -> Rough {
     let own = region.pose_covariance();
     let (health, start) = (&config.health, &config.start);
     let least = Vector6::new(
@@ -186,11 +188,25 @@ pub(super) fn rough_of(region: &State, config: &Config) -> Rough {
         health.search_sigma_rad,
         start.tilt_sigma_rad,
     );
-    let sigmas = Vector6::from_fn(|i, _| {
+    let mut sigmas = Vector6::from_fn(|i, _| {
         let most = if i < 3 { health.max_search_sigma_m } else { 1.0 };
         own[(i, i)].max(0.0).sqrt().min(most).max(least[i])
     });
-    Rough { map_from_camera: region.map_from_camera, sigmas }
+    let position = Point3::from(region.map_from_camera.translation.vector);
+    let place = map.nearest_path(roads, &position).filter(|place| place.distance_m(&position) <= start.path_reach_m);
+    let Some(place) = place else { return Rough { map_from_camera: region.map_from_camera, sigmas } };
+    let mut pose = PoseParameters::from_pose(&region.map_from_camera);
+    let on_path = [
+        (1, &mut pose.y_m, place.point_map.y - start.height_above_path_m - region.higher_m),
+        (3, &mut pose.pitch_rad, place.pitch_rad(pose.yaw_rad) + region.rest_rad[0]),
+        (5, &mut pose.roll_rad, region.rest_rad[1]),
+    ];
+    for (component, value, there) in on_path {
+        if sigmas[component] > least[component] {
+            (*value, sigmas[component]) = (there, least[component]);
+        }
+    }
+    Rough { map_from_camera: pose.to_pose(), sigmas }
 }
 
 #[cfg(test)]
@@ -198,6 +214,7 @@ mod tests {
     use common::geometry::{Pose, retract};
 
     use super::*;
+    use crate::testing::{Recipe, World};
 
     const MOST: f64 = 25.0;
     const CONTRADICTION: f64 = 8.0;
@@ -213,6 +230,29 @@ mod tests {
     fn told(region: &mut Region, right_m: f64, times: usize, config: &Config) {
         let (fix, rough) = fix(right_m);
         (0..times).for_each(|_| region.take(&fix, &rough, config));
+    }
+
+    #[test]
+    fn what_was_lost_for_long_is_still_as_high_and_as_level_as_the_road() {
+        let world = World::new(Recipe::default());
+        let (map, roads) = world.local_map();
+        let (config, truth) = (Config::default(), world.truth[100]);
+        let off = Tangent::new(1.0, 2.5, 4.0, 0.2, 0.0, -0.15);
+        let rough = |sigma_m: f64, sigma_rad: f64| {
+            let sigmas = Vector6::new(sigma_m, sigma_m, sigma_m, sigma_rad, sigma_rad, sigma_rad);
+            let known = Rough { map_from_camera: retract(&truth, &off), sigmas };
+            rough_of(&unknown_speed(&known, &config), &map, &roads, &config)
+        };
+        let lost = rough(3.0, 0.2);
+        let off = local(&truth, &lost.map_from_camera);
+        assert!(off[1].abs() < 0.1 && off[3].abs() < 0.02 && off[5].abs() < 0.02, "{off}");
+        let start = &config.start;
+        let [height_m, pitch_rad, roll_rad] = [1, 3, 5].map(|component| lost.sigmas[component]);
+        assert!(height_m <= start.height_sigma_m && pitch_rad.max(roll_rad) <= start.tilt_sigma_rad);
+        assert!(lost.sigmas[2] >= 3.0 - 1e-9, "{}", lost.sigmas);
+        // Who knows that better keeps it.
+        let known = local(&truth, &rough(0.05, 0.005).map_from_camera);
+        assert!((known[1] - 2.5).abs() < 0.3 && (known[3] - 0.2).abs() < 0.02, "{known}");
     }
 
     #[test]

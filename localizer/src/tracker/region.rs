@@ -238,14 +238,18 @@ mod tests {
         let (map, roads) = world.local_map();
         let (config, truth) = (Config::default(), world.truth[100]);
         let off = Tangent::new(1.0, 2.5, 4.0, 0.2, 0.0, -0.15);
+        // Stands 0.3 m higher than the survey's camera, and nods and leans against it.
+        let (higher_m, rest_rad) = (0.3, [0.04, -0.03]);
         let rough = |sigma_m: f64, sigma_rad: f64| {
             let sigmas = Vector6::new(sigma_m, sigma_m, sigma_m, sigma_rad, sigma_rad, sigma_rad);
             let known = Rough { map_from_camera: retract(&truth, &off), sigmas };
-            rough_of(&unknown_speed(&known, &config), &map, &roads, &config)
+            let state = State { higher_m, rest_rad, ..unknown_speed(&known, &config) };
+            rough_of(&state, &map, &roads, &config)
         };
         let lost = rough(3.0, 0.2);
         let off = local(&truth, &lost.map_from_camera);
-        assert!(off[1].abs() < 0.1 && off[3].abs() < 0.02 && off[5].abs() < 0.02, "{off}");
+        assert!((off[1] + higher_m).abs() < 0.1, "{off}");
+        assert!((off[3] - rest_rad[0]).abs() < 0.02 && (off[5] - rest_rad[1]).abs() < 0.01, "{off}");
         let start = &config.start;
         let [height_m, pitch_rad, roll_rad] = [1, 3, 5].map(|component| lost.sigmas[component]);
         assert!(height_m <= start.height_sigma_m && pitch_rad.max(roll_rad) <= start.tilt_sigma_rad);

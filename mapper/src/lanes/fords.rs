@@ -125,12 +125,15 @@ fn shares(row: &[Bin], paint: &Paint, config: &LaneConfig) -> Vec<(f64, f64)> {
 /// Unpaints the bars of crossings: what has as dense paint on its both sides as
 /// they have, and far denser than where the line itself runs.
 pub fn forget_bars(bins: &mut [Bin], config: &LaneConfig) {
-    let painted: Vec<usize> = (0..bins.len()).filter(|i| bins[*i].painted).collect();
-    let mut sorted: Vec<f64> = painted.iter().map(|i| across(bins, *i, config)).collect();
+    let painted = (0..bins.len()).filter(|i| bins[*i].painted);
+    let painted: Vec<(usize, f64)> = painted.map(|i| (i, across(bins, i, config))).collect();
+    let mut sorted: Vec<f64> = painted.iter().map(|(_, across)| *across).collect();
     sorted.sort_by(f64::total_cmp);
     let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-    let is_dense = |i: usize| across(bins, i, config) > config.least_share_ratio * usual;
-    let bars: Vec<usize> = painted.into_iter().filter(|i| looks_like_bar(bins, *i, config) && is_dense(*i)).collect();
+    let is_bar = |(i, across): &(usize, f64)| {
+        *across > config.least_share_ratio * usual && looks_like_bar(bins, *i, *across, config)
+    };
+    let bars: Vec<usize> = painted.iter().filter(|bar| is_bar(bar)).map(|(i, _)| *i).collect();
     for i in bars {
         bins[i].painted = false;
     }
@@ -140,15 +143,14 @@ pub fn forget_bars(bins: &mut [Bin], config: &LaneConfig) {
 /// passes for a line does, none of it stands out as one.
 pub fn barred_share(bins: &[Bin], config: &LaneConfig) -> f64 {
     let painted: Vec<usize> = (0..bins.len()).filter(|i| bins[*i].painted && bins[*i].bright > 0.0).collect();
-    let barred = painted.iter().filter(|i| looks_like_bar(bins, **i, config)).count();
+    let barred = painted.iter().filter(|i| looks_like_bar(bins, **i, across(bins, **i, config), config)).count();
     barred as f64 / painted.len().max(1) as f64
 }
 
 /// Whether the paint of a bin has as dense paint on its both sides as the bars of
-/// crossings have.
-fn looks_like_bar(bins: &[Bin], i: usize, config: &LaneConfig) -> bool {
+/// crossings have; given is what is [`across`].
+fn looks_like_bar(bins: &[Bin], i: usize, across: f64, config: &LaneConfig) -> bool {
     let fords = &config.fords;
-    let across = across(bins, i, config);
     let own = around(bins, i, config).iter().map(|b| b.bright).sum::<f64>() / (2.0 * config.half_line_m);
     let [from_m, to_m] = fords.across_m;
     across >= fords.fewest_across && across / (to_m - from_m) > fords.largest_across_share * own

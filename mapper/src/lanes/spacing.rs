@@ -91,7 +91,7 @@ mod tests {
         let dense = |dashes_m: &[[f64; 2]]| are_dense(&runs(dashes_m, &config), &config);
         let pieces = [[0.0, 4.0], [4.75, 6.0], [9.0, 12.0], [14.5, 18.0], [21.0, 23.0], [26.0, 30.0], [33.0, 35.0]];
         assert!(dense(&pieces));
-        // The third of seven is worn off; of four it is none of theirs that is missing.
+        // The third of seven is worn off. Of three gaps a long one is no exception.
         let without = [&pieces[..2], &pieces[3..]].concat();
         assert!(dense(&without) && !dense(&without[..4]));
         // Blots along a house front: as much of them is painted, and they lie anywhere.

@@ -22,7 +22,7 @@ use crate::local_map::{LocalMap, RoadKey};
 use crate::solver::Prior;
 use cells::{Cell, Cells};
 use field::Field;
-pub use rough::{Rough, keep_on_road};
+pub use rough::{Rough, Stance, keep_on_road};
 
 /// Settings of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -135,7 +135,7 @@ impl Search {
             self.cells.roads(rough, map, roads, config);
         }
         if self.cells.all.is_empty() {
-            self.cells.grid(rough, config);
+            self.cells.grid(rough, map, roads, config);
         }
     }
 

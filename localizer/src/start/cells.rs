@@ -4,8 +4,8 @@
 use common::geometry::{Pose, PoseParameters};
 use nalgebra::{Point3, Vector6};
 
-use super::{Rough, StartConfig};
-use crate::local_map::{LocalMap, RoadKey};
+use super::{Rough, Stance, StartConfig};
+use crate::local_map::{LocalMap, PathPlace, RoadKey};
 
 /// A pose to look at.
 #[derive(Debug, Clone, Copy)]
@@ -38,8 +38,9 @@ fn offsets(reach: f64, step: f64) -> impl Iterator<Item = f64> + Clone {
 }
 
 impl Cells {
-    /// A grid of positions and headings around a rough pose.
-    pub fn grid(&mut self, rough: &Rough, config: &StartConfig) {
+    /// A grid of positions and headings around a rough pose, which stands
+    /// everywhere on the survey's path as it does where it is.
+    pub fn grid(&mut self, rough: &Rough, map: &LocalMap, roads: &[RoadKey], config: &StartConfig) {
         let reach = rough.sigmas * config.reach_sigmas;
         self.lengthen(config, |step_m, step_rad| {
             offsets(reach[0], step_m).count() * offsets(reach[2], step_m).count() * offsets(reach[4], step_rad).count()
@@ -47,16 +48,19 @@ impl Cells {
         self.all.clear();
         self.are_on_roads = false;
         let centre = PoseParameters::from_pose(&rough.map_from_camera);
+        let stance = stance(&centre, map, roads, config);
         let (sin, cos) = centre.yaw_rad.sin_cos();
         for right_m in offsets(reach[0], self.step_m) {
             for forward_m in offsets(reach[2], self.step_m) {
+                let here = PoseParameters {
+                    x_m: centre.x_m + cos * right_m + sin * forward_m,
+                    z_m: centre.z_m - sin * right_m + cos * forward_m,
+                    ..centre
+                };
+                let on_path = stance.zip(near_path(map, roads, &here, config));
                 for turn_rad in offsets(reach[4], self.step_rad) {
-                    let pose = PoseParameters {
-                        x_m: centre.x_m + cos * right_m + sin * forward_m,
-                        z_m: centre.z_m - sin * right_m + cos * forward_m,
-                        yaw_rad: centre.yaw_rad + turn_rad,
-                        ..centre
-                    };
+                    let level = PoseParameters { yaw_rad: centre.yaw_rad + turn_rad, ..here };
+                    let pose = on_path.map_or(level, |(stance, place)| stance.on(&place, &level));
                     let off = Vector6::new(right_m, 0.0, forward_m, 0.0, turn_rad, 0.0).component_div(&rough.sigmas);
                     let prior = -0.5 * off.norm_squared();
                     self.all.push(Cell { prior, score: prior, pose: pose.to_pose() });
@@ -70,8 +74,10 @@ impl Cells {
     pub fn roads(&mut self, rough: &Rough, map: &LocalMap, roads: &[RoadKey], config: &StartConfig) {
         let sigma_m = rough.sigmas[0].max(rough.sigmas[2]);
         let reach_m = config.reach_sigmas * sigma_m;
-        let centre = Point3::from(rough.map_from_camera.translation.vector);
-        let yaw_rad = PoseParameters::from_pose(&rough.map_from_camera).yaw_rad;
+        let known = PoseParameters::from_pose(&rough.map_from_camera);
+        let centre = Point3::new(known.x_m, known.y_m, known.z_m);
+        let usual = Stance { above_m: config.height_above_path_m, pitch_rad: 0.0, roll_rad: 0.0 };
+        let stance = stance(&known, map, roads, config).unwrap_or(usual);
         // Headings far from the rough one are as improbable as it is sure.
         let heading_sigma_rad = rough.sigmas[4].max(config.path_heading_sigma_rad);
         let length_m: f64 = roads.iter().map(|&road| length_within_m(map.path(road), &centre, reach_m)).sum();
@@ -83,16 +89,14 @@ impl Cells {
         self.all.clear();
         self.are_on_roads = true;
         for &road in roads {
-            for (station, along_rad, pitch_rad) in stations(map.path(road), self.step_m) {
-                let off = station - centre;
-                let off_m = off.x.hypot(off.z);
+            for place in stations(map.path(road), self.step_m) {
+                let off_m = place.distance_m(&centre);
                 if off_m > reach_m {
                     continue;
                 }
-                // Either way; what is uphill one way is downhill the other.
-                let ways = [(along_rad, pitch_rad), (along_rad + std::f64::consts::PI, -pitch_rad)];
-                for (heading_rad, pitch_rad) in ways {
-                    let turned = wrapped(heading_rad - yaw_rad) / heading_sigma_rad;
+                let along_rad = place.forward_map.x.atan2(place.forward_map.z);
+                for heading_rad in [along_rad, along_rad + std::f64::consts::PI] {
+                    let turned = wrapped(heading_rad - known.yaw_rad) / heading_sigma_rad;
                     if turned.abs() > config.reach_sigmas {
                         continue;
                     }
@@ -100,14 +104,13 @@ impl Cells {
                     let (sin, cos) = heading_rad.sin_cos();
                     for right_m in offsets(width_m, self.step_m) {
                         for turn_rad in offsets(turn_rad, self.step_rad) {
-                            let pose = PoseParameters {
-                                x_m: station.x + cos * right_m,
-                                y_m: station.y - config.height_above_path_m,
-                                z_m: station.z - sin * right_m,
+                            let headed = PoseParameters {
+                                x_m: place.point_map.x + cos * right_m,
+                                z_m: place.point_map.z - sin * right_m,
                                 yaw_rad: heading_rad + turn_rad,
-                                pitch_rad,
-                                roll_rad: 0.0,
+                                ..known
                             };
+                            let pose = stance.on(&place, &headed);
                             self.all.push(Cell { prior, score: prior, pose: pose.to_pose() });
                         }
                     }
@@ -139,6 +142,17 @@ impl Cells {
     }
 }
 
+/// The place of the survey's path beside a pose, where that is near.
+fn near_path(map: &LocalMap, roads: &[RoadKey], at: &PoseParameters, config: &StartConfig) -> Option<PathPlace> {
+    let position = Point3::new(at.x_m, at.y_m, at.z_m);
+    map.nearest_path(roads, &position).filter(|place| place.distance_m(&position) <= config.path_reach_m)
+}
+
+/// How a pose stands on the path beside it, where that is near.
+fn stance(at: &PoseParameters, map: &LocalMap, roads: &[RoadKey], config: &StartConfig) -> Option<Stance> {
+    near_path(map, roads, at, config).map(|place| Stance::of(at, &place))
+}
+
 /// An angle in -pi..pi.
 fn wrapped(angle_rad: f64) -> f64 {
     angle_rad.sin().atan2(angle_rad.cos())
@@ -152,15 +166,14 @@ fn length_within_m(path_map: &[Point3<f64>], centre: &Point3<f64>, reach_m: f64)
     edges.map(|ends| (ends[1] - ends[0]).norm().min(2.0 * reach_m)).sum()
 }
 
-/// Places every `step_m` along a path, with its heading and pitch there.
-fn stations(path_map: &[Point3<f64>], step_m: f64) -> impl Iterator<Item = (Point3<f64>, f64, f64)> {
+/// Places every `step_m` along a path.
+fn stations(path_map: &[Point3<f64>], step_m: f64) -> impl Iterator<Item = PathPlace> {
     path_map.windows(2).flat_map(move |ends| {
         let along = ends[1] - ends[0];
         let length_m = along.norm();
         let count = (length_m / step_m).ceil().max(1.0) as usize;
-        let heading_rad = along.x.atan2(along.z);
-        let pitch_rad = (-along.y / length_m.max(1e-9)).clamp(-1.0, 1.0).asin();
-        (0..count).map(move |i| (ends[0] + along * (i as f64 / count as f64), heading_rad, pitch_rad))
+        let forward_map = along / length_m.max(1e-9);
+        (0..count).map(move |i| PathPlace { point_map: ends[0] + along * (i as f64 / count as f64), forward_map })
     })
 }
 
@@ -168,7 +181,41 @@ fn stations(path_map: &[Point3<f64>], step_m: f64) -> impl Iterator<Item = (Poin
 mod tests {
     use super::*;
     use crate::testing::{Recipe, World};
-    use common::geometry::local;
+    use common::geometry::{local, retract};
+
+    /// A survey's pose, of a camera that stands 0.3 m higher, and nods and leans.
+    fn on_another_rig(pose: &Pose) -> Pose {
+        retract(pose, &Vector6::new(0.0, -0.3, 0.0, 0.04, 0.0, -0.03))
+    }
+
+    #[test]
+    fn cells_stand_on_the_road_as_the_rough_pose_does() {
+        let world = World::new(Recipe::default());
+        let (map, roads) = world.local_map();
+        let config = StartConfig::default();
+        let mut cells = Cells::default();
+        for (sigma_m, ahead) in [(3.5, 6), (12.0, 25)] {
+            let sigmas = Vector6::new(sigma_m, 0.15, sigma_m, 0.026, 0.1, 0.026);
+            // Where it is steepest.
+            let rough = Rough { map_from_camera: on_another_rig(&world.truth[120]), sigmas };
+            if sigma_m > config.grid_sigma_m {
+                cells.roads(&rough, &map, &roads, &config);
+            } else {
+                cells.grid(&rough, &map, &roads, &config);
+            }
+            let truth = on_another_rig(&world.truth[120 + ahead]);
+            let off = |cell: &Cell| local(&truth, &cell.pose);
+            let is_beside = |off: &Vector6<f64>| {
+                let away_m = off[0].hypot(off[2]);
+                away_m < cells.step_m && off[4].abs() < cells.step_rad
+            };
+            let beside: Vec<_> = cells.all.iter().map(off).filter(is_beside).collect();
+            assert!(!beside.is_empty(), "{ahead} m ahead");
+            for off in beside {
+                assert!(off[1].abs() < 0.08 && off[3].abs() < 0.015 && off[5].abs() < 0.015, "{ahead} m ahead: {off}");
+            }
+        }
+    }
 
     #[test]
     fn the_road_ahead_is_searched_far_with_few_cells() {
@@ -196,7 +243,8 @@ mod tests {
         let sigmas = Vector6::new(3.0, 0.15, 3.0, 0.026, 0.2, 0.026);
         let rough = Rough { map_from_camera: world.truth[100], sigmas };
         let mut cells = Cells::default();
-        cells.grid(&rough, &config);
+        let (map, roads) = world.local_map();
+        cells.grid(&rough, &map, &roads, &config);
         assert!(cells.all.len() <= 500 && cells.step_m > config.step_m);
         let best = cells.all.iter().max_by(|a, b| a.prior.total_cmp(&b.prior)).unwrap();
         assert!(local(&rough.map_from_camera, &best.pose).norm() < 1e-9);

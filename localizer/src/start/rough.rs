@@ -9,6 +9,38 @@ use super::StartConfig;
 use crate::filter::State;
 use crate::local_map::{LocalMap, PathPlace, RoadKey};
 
+/// How a camera stands on the survey's path: the same all along it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stance {
+    /// Height above the survey's camera, metres.
+    pub above_m: f64,
+    /// Pitch against that of the path, radians.
+    pub pitch_rad: f64,
+    /// Roll, radians.
+    pub roll_rad: f64,
+}
+
+impl Stance {
+    /// That of a pose whose place on the path this is.
+    pub fn of(pose: &PoseParameters, place: &PathPlace) -> Self {
+        Self {
+            above_m: place.point_map.y - pose.y_m,
+            pitch_rad: pose.pitch_rad - place.pitch_rad(pose.yaw_rad),
+            roll_rad: pose.roll_rad,
+        }
+    }
+
+    /// The pose as high and as level as this at a place, where and whither it is.
+    pub fn on(&self, place: &PathPlace, pose: &PoseParameters) -> PoseParameters {
+        PoseParameters {
+            y_m: place.point_map.y - self.above_m,
+            pitch_rad: place.pitch_rad(pose.yaw_rad) + self.pitch_rad,
+            roll_rad: self.roll_rad,
+            ..*pose
+        }
+    }
+}
+
 /// A rough belief about the pose, in the axes of a level camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rough {

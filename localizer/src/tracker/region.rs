@@ -10,7 +10,7 @@ use crate::config::Config;
 use crate::filter::State;
 use crate::gps::{GpsConfig, GpsFix};
 use crate::local_map::{LocalMap, RoadKey};
-use crate::start::{Rough, keep_on_road};
+use crate::start::{Rough, Stance, keep_on_road};
 
 /// Speed of a vehicle that sets off: the least at which receivers tell a course.
 const SETS_OFF_M_S: f64 = 1.0;
@@ -196,10 +196,13 @@ pub(super) fn rough_of(region: &State, map: &LocalMap, roads: &[RoadKey], config
     let place = map.nearest_path(roads, &position).filter(|place| place.distance_m(&position) <= start.path_reach_m);
     let Some(place) = place else { return Rough { map_from_camera: region.map_from_camera, sigmas } };
     let mut pose = PoseParameters::from_pose(&region.map_from_camera);
+    let [pitch_rad, roll_rad] = region.rest_rad;
+    let stance = Stance { above_m: start.height_above_path_m + region.higher_m, pitch_rad, roll_rad };
+    let there = stance.on(&place, &pose);
     let on_path = [
-        (1, &mut pose.y_m, place.point_map.y - start.height_above_path_m - region.higher_m),
-        (3, &mut pose.pitch_rad, place.pitch_rad(pose.yaw_rad) + region.rest_rad[0]),
-        (5, &mut pose.roll_rad, region.rest_rad[1]),
+        (1, &mut pose.y_m, there.y_m),
+        (3, &mut pose.pitch_rad, there.pitch_rad),
+        (5, &mut pose.roll_rad, there.roll_rad),
     ];
     for (component, value, there) in on_path {
         if sigmas[component] > least[component] {

@@ -67,6 +67,10 @@ pub struct HealthConfig {
     pub search_sigma_m: f64,
     /// Largest standard deviation of the region searched then, metres.
     pub max_search_sigma_m: f64,
+    /// Largest standard deviation that is kept of where a lost vehicle may be,
+    /// metres: some minutes of driving. Without bound, what roads say of its heading
+    /// and of its place would move it by more than they are long.
+    pub max_lost_sigma_m: f64,
     /// Least standard deviation of the headings searched then, radians.
     pub search_sigma_rad: f64,
 }
@@ -93,6 +97,7 @@ impl Default for HealthConfig {
             most_missed: 3.0,
             search_sigma_m: 1.5,
             max_search_sigma_m: 30.0,
+            max_lost_sigma_m: 300.0,
             search_sigma_rad: 0.03,
         }
     }

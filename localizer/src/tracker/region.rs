@@ -15,6 +15,9 @@ use crate::start::{Rough, Stance, keep_on_road};
 /// Speed of a vehicle that sets off: the least at which receivers tell a course.
 const SETS_OFF_M_S: f64 = 1.0;
 
+/// Largest standard deviation of an angle: beyond, any is as good.
+const MOST_TURNED_RAD: f64 = 1.0;
+
 /// Where the camera is by the last trusted pose and by fixes.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Region {
@@ -121,6 +124,7 @@ impl Tracker<'_> {
         self.region.time_variance_s2 = self.clock.variance_s2();
         self.region.drive(dt_s, |place| {
             *place = place.driven(dt_s, input.odometry.as_ref(), &config.motion, &config.odometry);
+            stay_possible(place, config);
             let position = Point3::from(place.map_from_camera.translation.vector);
             if let Some(path) = self.map.nearest_path(&self.sight.candidates.roads, &position) {
                 keep_on_road(place, &path, &config.start);
@@ -146,6 +150,19 @@ impl Tracker<'_> {
             fix.heading_at(speed_m_s, &self.config.gps),
             &self.config.start,
         ))
+    }
+}
+
+/// Keeps a place that nothing has confirmed for long where linear updates hold, and
+/// its speed one that vehicles have.
+fn stay_possible(place: &mut State, config: &Config) {
+    place.velocity[2] = place.velocity[2].clamp(-config.bank.max_reverse_m_s, config.bank.max_speed_m_s);
+    for i in 0..6 {
+        let most = if i < 3 { config.health.max_lost_sigma_m } else { MOST_TURNED_RAD };
+        let sigma = place.covariance[(i, i)].max(0.0).sqrt();
+        if sigma > most {
+            place.sharpen(i, most / sigma);
+        }
     }
 }
 
@@ -189,7 +206,7 @@ pub(super) fn rough_of(region: &State, map: &LocalMap, roads: &[RoadKey], config
         start.tilt_sigma_rad,
     );
     let mut sigmas = Vector6::from_fn(|i, _| {
-        let most = if i < 3 { health.max_search_sigma_m } else { 1.0 };
+        let most = if i < 3 { health.max_search_sigma_m } else { MOST_TURNED_RAD };
         own[(i, i)].max(0.0).sqrt().min(most).max(least[i])
     });
     let position = Point3::from(region.map_from_camera.translation.vector);
@@ -217,7 +234,7 @@ mod tests {
     use common::geometry::{Pose, retract};
 
     use super::*;
-    use crate::testing::{Recipe, World};
+    use crate::testing::{IMAGE, Recipe, World};
 
     const MOST: f64 = 25.0;
     const CONTRADICTION: f64 = 8.0;
@@ -260,6 +277,31 @@ mod tests {
         // Who knows that better keeps it.
         let known = local(&truth, &rough(0.05, 0.005).map_from_camera);
         assert!((known[1] - 2.5).abs() < 0.3 && (known[3] - 0.2).abs() < 0.02, "{known}");
+    }
+
+    #[test]
+    fn who_is_lost_for_an_hour_goes_no_faster_and_no_further_than_vehicles_do() {
+        let world = World::new(Recipe::default());
+        let (mut map, _) = world.local_map();
+        let (config, truth) = (Config::default(), world.truth[100]);
+        let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, &config);
+        let mut state = unknown_speed(&fix(0.0).1, &config);
+        (state.map_from_camera, state.velocity[2]) = (truth, 400.0);
+        tracker.region.trust(&state, CONTRADICTION);
+        let features = world.features(100);
+        let input = FrameInput { time_s: 0.0, features: &features, gps: None, odometry: None };
+        // As fast as that was only until its speed is asked for.
+        tracker.follow_region(1.0, &input).unwrap();
+        let mut before = tracker.region.searched(&config.gps).unwrap().map_from_camera;
+        for _ in 0..3600 {
+            tracker.follow_region(1.0, &input).unwrap();
+            let place = tracker.region.searched(&config.gps).unwrap();
+            let way_m = local(&before, &place.map_from_camera).fixed_rows::<3>(0).norm();
+            assert!(way_m < 2.0 * config.bank.max_speed_m_s, "{way_m} m in a second");
+            let sigmas_m = place.pose_covariance().diagonal().map(f64::sqrt);
+            assert!(sigmas_m.iter().all(|sigma| *sigma <= 1.01 * config.health.max_lost_sigma_m), "{sigmas_m}");
+            before = place.map_from_camera;
+        }
     }
 
     #[test]

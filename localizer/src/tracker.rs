@@ -203,7 +203,7 @@ impl<'a> Tracker<'a> {
         let scene = self.sight.scene(&self.config);
         let mut jumps = Vec::new();
         for hypothesis in &mut self.bank {
-            if let Some(jump) = hypothesis.observe(&scene, &mut self.associator, &self.config) {
+            if let Some(jump) = hypothesis.observe(&scene, &mut self.associator, self.time_variance_s2, &self.config) {
                 jumps.push(Hypothesis::beside(hypothesis, &jump, self.config.bank.jump_cost));
             }
         }

@@ -290,13 +290,21 @@ impl Hypothesis {
     /// Associates and localizes in the scene, and weighs the result. Matches
     /// that are not worth the motion that they ask for are not believed: then
     /// the prediction stands, and the pose they ask for is returned, to be
-    /// tracked as a jump.
-    pub fn observe(&mut self, scene: &Scene<'_>, associator: &mut Associator, config: &Config) -> Option<Refined> {
+    /// tracked as a jump. The time of the scene was doubted by `time_variance_s2`.
+    pub fn observe(
+        &mut self,
+        scene: &Scene<'_>,
+        associator: &mut Associator,
+        time_variance_s2: f64,
+        config: &Config,
+    ) -> Option<Refined> {
         self.correspondences.clear();
         let covariance = self.state.pose_covariance();
         let predicted = self.state.map_from_camera;
         self.predicted.clone_from(&self.state);
-        if horizontal_sigma_m(&covariance) > config.health.lost_sigma_m {
+        // Who is fast is not lost because it is not known when the image was taken.
+        let at_its_time = covariance - self.state.time_covariance(time_variance_s2);
+        if horizontal_sigma_m(&at_its_time) > config.health.lost_sigma_m {
             // So far it was nowhere: what is found now is as good as found anew.
             (self.age_frames, self.led_frames) = (0, 0);
         }

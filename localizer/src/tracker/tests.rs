@@ -211,8 +211,6 @@ fn dropped_and_doubled_frames_are_survived() {
     }
 }
 
-/// Moves all hypotheses at frame 50, as wrong associations would; none may be
-/// called ok while it is off, and some frames later it must be back.
 #[test]
 fn images_whose_times_are_off_are_followed_and_not_called_ok() {
     let world = World::new(street());
@@ -224,6 +222,19 @@ fn images_whose_times_are_off_are_followed_and_not_called_ok() {
     let (rms_m, rms_believing_m) = (learning.rms_m(30), believing.rms_m(30));
     assert!(rms_m < 0.15 && rms_m < 0.5 * rms_believing_m, "{rms_m} m, {rms_believing_m} m");
     assert_eq!((learning.ok_from(30), learning.lies()), (None, 0));
+}
+
+#[test]
+fn who_is_fast_is_not_lost_because_times_were_off_for_a_while() {
+    let world = World::new(Recipe { speed_m_s: 25.0, length_m: 350.0, ..Recipe::default() });
+    let late_s = |frame: usize| if (40..70).contains(&frame) { 0.03 * [1.0, -1.0][frame % 2] } else { 0.0 };
+    let mishap = Mishap { late_s: &late_s, has_wheels: true, ..NONE };
+    let run = run(&world, &GpsConfig::default(), 1, &mishap);
+    assert_eq!(run.lies(), 0);
+    let lost = run.statuses[40..].iter().filter(|status| **status == Status::Lost).count();
+    assert!(lost == 0, "{lost} frames lost");
+    let again = run.ok_from(70);
+    assert!(again.is_some_and(|frame| frame < 120), "{again:?} of {}", run.statuses.len());
 }
 
 #[test]
@@ -246,7 +257,9 @@ fn a_start_from_fixes_that_are_worse_than_they_say_is_found() {
     }
 }
 
-/// All that is tracked is moved at once, and so is what was trusted, if told.
+/// Moves all that is tracked at frame 50, as wrong associations would, and what was
+/// trusted, if told; none may be called ok while it is off, and some frames later it
+/// must be back.
 fn assert_comes_back(off: Tangent, is_trusted: bool, frames: usize) {
     let world = World::new(street());
     let before = |frame: usize, tracker: &mut Tracker<'_>| {

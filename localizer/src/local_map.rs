@@ -201,6 +201,11 @@ impl LocalMap {
         best.map(|(_, point_map, along)| PathPlace { point_map, forward_map: along.normalize() })
     }
 
+    /// The same, where it is no further than `reach_m` away.
+    pub fn path_within(&self, roads: &[RoadKey], position_map: &Point3<f64>, reach_m: f64) -> Option<PathPlace> {
+        self.nearest_path(roads, position_map).filter(|place| place.distance_m(position_map) <= reach_m)
+    }
+
     /// What was read of an atlas; none for a map that is held as a whole.
     pub fn usage(&self) -> Option<Usage> {
         self.surroundings.as_ref().map(Surroundings::usage)

@@ -76,8 +76,7 @@ impl Cells {
         let reach_m = config.reach_sigmas * sigma_m;
         let known = PoseParameters::from_pose(&rough.map_from_camera);
         let centre = Point3::new(known.x_m, known.y_m, known.z_m);
-        let usual = Stance { above_m: config.height_above_path_m, pitch_rad: 0.0, roll_rad: 0.0 };
-        let stance = stance(&known, map, roads, config).unwrap_or(usual);
+        let stance = stance(&known, map, roads, config).unwrap_or_else(|| Stance::of_survey(config));
         // Headings far from the rough one are as improbable as it is sure.
         let heading_sigma_rad = rough.sigmas[4].max(config.path_heading_sigma_rad);
         let length_m: f64 = roads.iter().map(|&road| length_within_m(map.path(road), &centre, reach_m)).sum();
@@ -95,6 +94,7 @@ impl Cells {
                     continue;
                 }
                 let along_rad = place.forward_map.x.atan2(place.forward_map.z);
+                // Either way.
                 for heading_rad in [along_rad, along_rad + std::f64::consts::PI] {
                     let turned = wrapped(heading_rad - known.yaw_rad) / heading_sigma_rad;
                     if turned.abs() > config.reach_sigmas {
@@ -144,8 +144,7 @@ impl Cells {
 
 /// The place of the survey's path beside a pose, where that is near.
 fn near_path(map: &LocalMap, roads: &[RoadKey], at: &PoseParameters, config: &StartConfig) -> Option<PathPlace> {
-    let position = Point3::new(at.x_m, at.y_m, at.z_m);
-    map.nearest_path(roads, &position).filter(|place| place.distance_m(&position) <= config.path_reach_m)
+    map.path_within(roads, &Point3::new(at.x_m, at.y_m, at.z_m), config.path_reach_m)
 }
 
 /// How a pose stands on the path beside it, where that is near.

@@ -21,6 +21,11 @@ pub struct Stance {
 }
 
 impl Stance {
+    /// That of the survey's rig, as high as `config` says.
+    pub fn of_survey(config: &StartConfig) -> Self {
+        Self { above_m: config.height_above_path_m, pitch_rad: 0.0, roll_rad: 0.0 }
+    }
+
     /// That of a pose whose place on the path this is.
     pub fn of(pose: &PoseParameters, place: &PathPlace) -> Self {
         Self {
@@ -64,8 +69,7 @@ impl Rough {
         heading: Option<(f64, f64)>,
         config: &StartConfig,
     ) -> Self {
-        let near = |place: &PathPlace| place.distance_m(position_map) <= config.path_reach_m;
-        let place = map.nearest_path(roads, position_map).filter(near);
+        let place = map.path_within(roads, position_map, config.path_reach_m);
         let (yaw_rad, yaw_sigma_rad) = match (heading, place) {
             // Far off the road's it is wrong, or it turns: both are searched for.
             (Some((yaw_rad, sigma_rad)), Some(place)) => {
@@ -76,22 +80,16 @@ impl Rough {
             (None, Some(place)) => (place.forward_map.x.atan2(place.forward_map.z), config.path_heading_sigma_rad),
             (None, None) => (0.0, FRAC_PI_2),
         };
-        let (y_m, pitch_rad, height_sigma_m) = match place {
-            Some(p) => (p.point_map.y - config.height_above_path_m, p.pitch_rad(yaw_rad), config.height_sigma_m),
+        let [x_m, y_m, z_m] = position_map.coords.into();
+        let level = PoseParameters { x_m, y_m, z_m, yaw_rad, pitch_rad: 0.0, roll_rad: 0.0 };
+        let (pose, height_sigma_m) = match place {
+            Some(place) => (Stance::of_survey(config).on(&place, &level), config.height_sigma_m),
             // GPS heights are two to three times worse than positions.
-            None => (position_map.y, 0.0, 2.5 * horizontal_sigma_m),
+            None => (level, 2.5 * horizontal_sigma_m),
         };
         let tilt = config.tilt_sigma_rad;
         Self {
-            map_from_camera: PoseParameters {
-                x_m: position_map.x,
-                y_m,
-                z_m: position_map.z,
-                yaw_rad,
-                pitch_rad,
-                roll_rad: 0.0,
-            }
-            .to_pose(),
+            map_from_camera: pose.to_pose(),
             sigmas: Vector6::new(horizontal_sigma_m, height_sigma_m, horizontal_sigma_m, tilt, yaw_sigma_rad, tilt),
         }
     }

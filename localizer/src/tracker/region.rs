@@ -210,8 +210,9 @@ pub(super) fn rough_of(region: &State, map: &LocalMap, roads: &[RoadKey], config
         own[(i, i)].max(0.0).sqrt().min(most).max(least[i])
     });
     let position = Point3::from(region.map_from_camera.translation.vector);
-    let place = map.nearest_path(roads, &position).filter(|place| place.distance_m(&position) <= start.path_reach_m);
-    let Some(place) = place else { return Rough { map_from_camera: region.map_from_camera, sigmas } };
+    let Some(place) = map.path_within(roads, &position, start.path_reach_m) else {
+        return Rough { map_from_camera: region.map_from_camera, sigmas };
+    };
     let mut pose = PoseParameters::from_pose(&region.map_from_camera);
     let [pitch_rad, roll_rad] = region.rest_rad;
     let stance = Stance { above_m: start.height_above_path_m + region.higher_m, pitch_rad, roll_rad };

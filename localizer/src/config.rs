@@ -59,6 +59,7 @@ pub const LIMITS: &[Limits] = &[
     limits("robust.max_rounds", 1.0, 1000.0),
     limits("robust.*", 0.0, 1e9),
     limits("separation.prior_share", 0.0, 1.0),
+    limits("separation.anchor_s", 0.1, 3600.0),
     limits("separation.*", 0.0, 1e9),
     limits("paper.*hypotheses", 1.0, 1e5),
     limits("paper.drawn", 1.0, 1000.0),

@@ -7,6 +7,7 @@
 //! or not trusted) and from poses beside the best one that explain a frame as
 //! well (rivals).
 
+mod anchor;
 mod bank;
 mod clock;
 mod health;

@@ -23,6 +23,11 @@ pub struct SeparationConfig {
     /// Share of the prediction's information that is used: the frames before
     /// saw the same wrong match. 0.04 takes it as five times as uncertain.
     pub prior_share: f64,
+    /// Seconds after which the pose is kept anew as what it is driven on from, without
+    /// what was seen since: it takes the place of the prediction where it leaves the
+    /// pose better held. Of two, the older is asked, after once to twice this time:
+    /// as long as an object, and so a wrong match, is in view.
+    pub anchor_s: f64,
     /// Poles and signs that stand nearer together are one object and are left
     /// out together, metres: a sign and its post err together.
     pub object_m: f64,
@@ -33,7 +38,7 @@ pub struct SeparationConfig {
 
 impl Default for SeparationConfig {
     fn default() -> Self {
-        Self { prior_share: 0.04, object_m: 1.0, sigmas: 1.0 }
+        Self { prior_share: 0.04, anchor_s: 2.0, object_m: 1.0, sigmas: 1.0 }
     }
 }
 
@@ -85,15 +90,15 @@ impl SeparationConfig {
 /// How far off a pose may be, horizontally, metres.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Separation {
-    /// If one object was matched wrongly, or most of the prior is wrong.
+    /// If one object was matched wrongly, or what was held against the matches is.
     pub one_m: f64,
     /// If two objects were: that without which it may be furthest off, and the
     /// next without that.
     pub two_m: f64,
 }
 
-/// What the matches and a share of the prior say about a pose, and each object
-/// of the matches by itself. Buffers are reused.
+/// What the matches and a belief say about a pose, and each object of the matches by
+/// itself. Buffers are reused.
 #[derive(Debug, Clone, Default)]
 pub struct Balance {
     parts: Vec<Part>,
@@ -104,18 +109,15 @@ pub struct Balance {
 }
 
 impl Balance {
-    fn weigh(
-        &mut self,
-        matches: &[Match],
-        view: &View,
-        pose: &Pose,
-        prior: &Prior,
-        prior_share: f64,
-        solver: &SolverConfig,
-    ) {
+    fn weigh(&mut self, matches: &[Match], view: &View, pose: &Pose, prior: &Prior, solver: &SolverConfig) {
         self.parts.clear();
         self.parts.extend(matches.iter().map(|found| Part::new(found, view, solver)));
-        self.information = prior.information * prior_share;
+        self.hold(pose, prior);
+    }
+
+    /// Holds another belief against the same matches.
+    fn hold(&mut self, pose: &Pose, prior: &Prior) {
+        self.information = prior.information;
         self.gradient = self.information * local(&prior.map_from_camera, pose);
         for part in &self.parts {
             self.information += part.information;
@@ -145,17 +147,27 @@ impl Balance {
     /// horizontally in metres, if something was matched wrongly, or nothing but
     /// most of the prior is wrong: the largest move of the pose without it, and
     /// some standard deviations of what is left. Infinite where nothing fixes
-    /// the pose then.
+    /// the pose then. Where `anchor`, which knows nothing of the last seconds' matches,
+    /// holds it better than a share of the prior does, that is asked.
     pub fn separation(
         &mut self,
         matches: &[Match],
         view: &View,
         pose: &Pose,
-        prior: &Prior,
+        (prior, anchor): (&Prior, Option<&Prior>),
         config: &SeparationConfig,
         solver: &SolverConfig,
     ) -> Separation {
-        self.weigh(matches, view, pose, prior, config.prior_share, solver);
+        let shared = Prior { information: prior.information * config.prior_share, ..*prior };
+        self.weigh(matches, view, pose, &shared, solver);
+        let by_share = self.separation_now(config);
+        let Some(anchor) = anchor else { return by_share };
+        self.hold(pose, anchor);
+        let by_anchor = self.separation_now(config);
+        Separation { one_m: by_share.one_m.min(by_anchor.one_m), two_m: by_share.two_m.min(by_anchor.two_m) }
+    }
+
+    fn separation_now(&self, config: &SeparationConfig) -> Separation {
         let whole = (self.information, self.gradient);
         let mut separation = Separation { one_m: config.level_m(&whole), two_m: 0.0 };
         let Some((worst_m, rest, worst)) = self.worst_without(&whole, None, config) else { return separation };
@@ -191,7 +203,7 @@ impl Balance {
         object_m: f64,
         solver: &SolverConfig,
     ) {
-        self.weigh(matches, view, pose, prior, 1.0, solver);
+        self.weigh(matches, view, pose, prior, solver);
         let without = |(information, gradient): Sum| {
             let step = -Cholesky::new(information)?.solve(&gradient);
             Some((0.5 * step.dot(&(information * step)), retract(pose, &step)))
@@ -254,7 +266,7 @@ mod tests {
         let separated = |aside_px| {
             with_one_aside(aside_px, |matches, view, pose, prior| {
                 let (separation, solver) = (SeparationConfig::default(), SolverConfig::default());
-                Balance::default().separation(matches, view, pose, prior, &separation, &solver)
+                Balance::default().separation(matches, view, pose, (prior, None), &separation, &solver)
             })
         };
         let (agreeing, pulled) = (separated(0.0), separated(6.0));
@@ -268,13 +280,27 @@ mod tests {
             let is_pole = |m: &&Match| matches!(m.landmark, LandmarkId::Pole(_));
             let two: Vec<Match> = matches.iter().filter(is_pole).take(2).copied().collect();
             let (separation, solver) = (SeparationConfig::default(), SolverConfig::default());
-            Balance::default().separation(&two, view, pose, prior, &separation, &solver)
+            Balance::default().separation(&two, view, pose, (prior, None), &separation, &solver)
         });
         let config = SeparationConfig::default();
         // A share of the prior of 5 cm is left.
         let prior_alone_m = config.sigmas * 0.05 * (2.0 / config.prior_share).sqrt();
         assert!((of_two.two_m - prior_alone_m).abs() < 1e-6, "{of_two:?}, {prior_alone_m} m");
         assert!(of_two.one_m <= of_two.two_m, "{of_two:?}");
+    }
+
+    #[test]
+    fn what_holds_the_pose_better_than_a_share_of_the_prior_is_asked() {
+        let [alone, held, loose] = [None, Some(0.05), Some(2.0)].map(|sigma_m: Option<f64>| {
+            with_one_aside(6.0, |matches, view, pose, prior| {
+                let (separation, solver) = (SeparationConfig::default(), SolverConfig::default());
+                let anchor = sigma_m.and_then(|sigma_m| Prior::new(*pose, &(Matrix6::identity() * sigma_m * sigma_m)));
+                let beliefs = (prior, anchor.as_ref());
+                Balance::default().separation(matches, view, pose, beliefs, &separation, &solver)
+            })
+        });
+        assert!(held.one_m < 0.7 * alone.one_m && held.two_m < 0.7 * alone.two_m, "{held:?}, {alone:?}");
+        assert!(loose == alone, "{loose:?}, {alone:?}");
     }
 
     #[test]
@@ -300,7 +326,8 @@ mod tests {
         let prior = Prior::new(pose, &Matrix6::identity()).unwrap();
         let view = View::new(&crate::projection::tests::camera(), &pose);
         let config = SeparationConfig::default();
-        let of_none = Balance::default().separation(&[], &view, &pose, &prior, &config, &SolverConfig::default());
+        let of_none =
+            Balance::default().separation(&[], &view, &pose, (&prior, None), &config, &SolverConfig::default());
         assert!((of_none.one_m - config.sigmas * (2.0 / config.prior_share).sqrt()).abs() < 1e-9, "{of_none:?}");
     }
 }

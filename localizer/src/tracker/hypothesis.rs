@@ -3,6 +3,7 @@
 use common::geometry::{PoseParameters, local};
 use nalgebra::{Cholesky, Point3};
 
+use super::anchor::Anchor;
 use super::bank::BankConfig;
 use super::clock::Interval;
 use super::health::HealthConfig;
@@ -27,6 +28,8 @@ pub struct Hypothesis {
     pub state: State,
     /// The same before the last image was looked at.
     predicted: State,
+    /// Where it would be without what was seen in the last seconds.
+    anchor: Anchor,
     /// What speaks for it: evidence with fading memory less the handicap, nats.
     pub log_weight: f64,
     /// The evidence before this frame.
@@ -109,6 +112,7 @@ impl Hypothesis {
         Self {
             predicted: state.clone(),
             state,
+            anchor: Anchor::default(),
             log_weight: past_weight - handicap,
             past_weight,
             interval: None,
@@ -201,6 +205,8 @@ impl Hypothesis {
         let is_told = odometry.is_some_and(|shown| shown.speed_m_s.is_some());
         if !self.speed_is_unknown || dt_s <= 0.0 || is_told {
             self.speed_is_unknown &= !is_told;
+            let was = (is_told && self.knows_its_speed()).then_some(&self.state);
+            self.anchor.drive(was, dt_s, odometry, config);
             self.state = self.state.driven(dt_s, odometry, &config.motion, &config.odometry);
             self.is_carried = is_told;
             out.push(self);
@@ -338,7 +344,7 @@ impl Hypothesis {
             &associator.matcher.matches,
             &View::new(scene.camera, &refined.map_from_camera),
             &refined.map_from_camera,
-            &prior,
+            (&prior, self.anchor.prior().as_ref()),
             &config.separation,
             &config.solver,
         );

@@ -62,7 +62,7 @@ impl Balance {
         config: &SeparationConfig,
         solver: &SolverConfig,
     ) -> Option<(Pose, Matrix6<f64>)> {
-        self.weigh(matches, view, pose, prior, 1.0, solver);
+        self.weigh(matches, view, pose, prior, solver);
         let whole = Belief::new(&(self.information, self.gradient))?;
         let mut mixture = Moments::default();
         mixture.add(&whole, 1.0);
@@ -123,7 +123,7 @@ mod tests {
         with_one_aside(0.0, |matches, view, pose, prior| {
             let (mean, covariance) = doubted(matches, view, pose, prior);
             let mut balance = Balance::default();
-            balance.weigh(matches, view, pose, prior, 1.0, &SolverConfig::default());
+            balance.weigh(matches, view, pose, prior, &SolverConfig::default());
             let certain = balance.information.try_inverse().unwrap();
             let ratio = horizontal_sigma_m(&covariance) / horizontal_sigma_m(&certain);
             assert!((1.0..1.1).contains(&ratio), "{ratio}");

@@ -13,7 +13,8 @@ fn where_two_may_be_right_their_mean_is_said_with_their_spread() {
     other.state.map_from_camera = retract(&best.state.map_from_camera, &(Tangent::x() * 2.0));
     let own = best.state.pose_covariance();
     let mean = |other: &Hypothesis| {
-        let (pose, covariance) = mean::mean_of(&[best.clone(), other.clone()], 3.0).unwrap();
+        let both: Vec<_> = [&best, other].into_iter().cloned().collect();
+        let (pose, covariance) = mean::mean_of(&both, 3.0).unwrap();
         (local(&best.state.map_from_camera, &pose)[0], covariance[(0, 0)] - own[(0, 0)])
     };
     let (off_m, more_m2) = mean(&other);
@@ -31,7 +32,7 @@ fn a_frame_that_fits_all_as_well_leaves_what_was_known_of_them() {
     let bank = BankConfig::default();
     // The lead of one hypothesis over another in 20 frames that say so much for each.
     let lead = |evidence: f64, other_evidence: f64| {
-        let [mut best, mut other] = [best.clone(), best.clone()];
+        let (mut best, mut other) = (best.clone(), best.clone());
         (best.past_weight, other.past_weight, other.handicap) = (0.0, -6.0, 5.0);
         for _ in 0..20 {
             (best.evidence, other.evidence) = (evidence, other_evidence);

@@ -1,6 +1,7 @@
 //! What is not called ok.
 
 use super::*;
+use crate::associate::separation::SeparationConfig;
 
 #[test]
 fn an_older_image_than_the_last_is_not_called_ok_as_a_new_one_is() {
@@ -69,6 +70,22 @@ fn who_knows_how_far_it_went_is_not_lost_where_there_is_nothing_to_see() {
         assert!(statuses.iter().all(|status| *status != Status::Ok));
         assert!(lost(&statuses) >= 8, "{}", lost(&statuses));
     }
+}
+
+#[test]
+fn what_was_known_before_a_landmark_came_into_view_bears_witness_for_it() {
+    let recipe = Recipe { length_m: 600.0, pole_spacing_m: 40.0, lanes_m: &[-1.7], ..Recipe::default() };
+    let world = World::new(recipe);
+    let ok_frames = |anchor_s: f64| {
+        let mut config = Config::default();
+        config.separation.anchor_s = anchor_s;
+        let wheels = Mishap { has_wheels: true, ..NONE };
+        let run = run_with(&config, &world, &GpsConfig::default(), 0, &wheels);
+        assert_eq!(run.lies(), 0);
+        run.statuses.iter().filter(|status| **status == Status::Ok).count()
+    };
+    let (with, without) = (ok_frames(SeparationConfig::default().anchor_s), ok_frames(3600.0));
+    assert!(with > without + 50, "{with} and {without} of {}", world.truth.len());
 }
 
 #[test]

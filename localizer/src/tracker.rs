@@ -144,9 +144,12 @@ impl<'a> Tracker<'a> {
     fn predict(&mut self, dt_s: f64, odometry: Option<&Odometry>) {
         std::mem::swap(&mut self.bank, &mut self.spare);
         self.bank.clear();
-        let told = self.config.bank.told(self.spare.iter().map(|hypothesis| hypothesis.evidence));
         let best = self.spare.first().map_or((0.0, 0.0), Hypothesis::spoken);
-        for mut hypothesis in self.spare.drain(..) {
+        let next = self.spare.get(1).map(Hypothesis::spoken);
+        for (i, mut hypothesis) in self.spare.drain(..).enumerate() {
+            // The best is set apart from the next, all others from it.
+            let other = if i == 0 { next } else { Some(best) };
+            let told = other.map_or(1.0, |(_, said)| self.config.bank.told(hypothesis.evidence, said));
             hypothesis.carry(best, told, &self.config.bank);
             hypothesis.predict(dt_s, odometry, &self.config, &mut self.bank);
         }

@@ -36,7 +36,7 @@ fn a_frame_that_fits_all_as_well_leaves_what_was_known_of_them() {
         (best.past_weight, other.past_weight, other.handicap) = (0.0, -6.0, 5.0);
         for _ in 0..20 {
             (best.evidence, other.evidence) = (evidence, other_evidence);
-            let told = bank.told([evidence, other_evidence].into_iter());
+            let told = bank.told(evidence, other_evidence);
             let of_best = best.spoken();
             best.carry(of_best, told, &bank);
             other.carry(of_best, told, &bank);
@@ -49,8 +49,30 @@ fn a_frame_that_fits_all_as_well_leaves_what_was_known_of_them() {
     let (won, handicap) = lead(6.0, 8.0);
     let lasting = 2.0 * bank.memory / (1.0 - bank.memory);
     assert!((won + lasting).abs() < 0.2 && handicap < 2.0, "{won} {handicap}");
-    // One alone goes on as ever.
-    assert!((bank.told([3.0].into_iter()) - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn what_a_frame_says_of_a_third_tells_two_hypotheses_not_apart() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let mut tracker = followed(&world, &mut map);
+    let best = tracker.bank.remove(0);
+    tracker.bank.clear();
+    // Of three it fits two as well, and the third not at all.
+    for (past_weight, evidence) in [(0.0, 7.0), (-6.0, 7.0), (-6.0, -3.0)] {
+        let mut one = best.clone();
+        (one.past_weight, one.evidence, one.handicap) = (past_weight, evidence, 5.0);
+        tracker.bank.push(one);
+    }
+    tracker.predict(0.1, None);
+    let [first, second, third] = &tracker.bank[..] else { panic!("{} hypotheses", tracker.bank.len()) };
+    assert!((first.past_weight - second.past_weight - 6.0).abs() < 1e-9, "{}", second.past_weight);
+    assert!((first.handicap - 5.0).abs() < 1e-9 && (second.handicap - 5.0).abs() < 1e-9);
+    assert!(third.past_weight < second.past_weight - 1.0 && third.handicap < 5.0, "{}", third.past_weight);
+    // One alone has no other that it would have to be told from.
+    tracker.bank.truncate(1);
+    tracker.predict(0.1, None);
+    assert!(tracker.bank[0].handicap < 5.0);
 }
 
 #[test]

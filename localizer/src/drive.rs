@@ -89,8 +89,8 @@ impl Drive {
     /// where `labels` is given.
     ///
     /// # Errors
-    /// As [`Sequence::open`], its calibration and times;
-    /// [`Error::EmptyFolder`] and [`Error::NoFrames`] where there is nothing
+    /// As [`Sequence::open`], its calibration and times; where there is no folder
+    /// `labels`; [`Error::EmptyFolder`] and [`Error::NoFrames`] where there is nothing
     /// to localize in.
     pub fn open(root: &Path, name: &str, labels: Option<&Path>, first: usize, last: Option<usize>) -> Result<Self> {
         let sequence = Sequence::open(root, name)?;
@@ -98,7 +98,7 @@ impl Drive {
         let times_s = sequence.times_s()?;
         let folder = labels.map_or_else(|| sequence.folder().join("image_2"), Path::to_path_buf);
         let mut available = match labels {
-            Some(folder) => label_frames(folder, times_s.len()),
+            Some(folder) => label_frames(folder, times_s.len())?,
             None => sequence.image_frames(CAMERA)?,
         };
         available.retain(|&frame| frame < times_s.len());
@@ -250,8 +250,9 @@ pub fn image_size(width: usize, height: usize) -> ImageSize {
 }
 
 /// The frames for which some class has a file.
-fn label_frames(folder: &Path, frames: usize) -> Vec<usize> {
+fn label_frames(folder: &Path, frames: usize) -> Result<Vec<usize>> {
+    std::fs::read_dir(folder).map_err(common::Error::io(folder))?;
     let has =
         |frame: &usize| crate::vision::Class::ALL.iter().any(|&class| labels::path(folder, class, *frame).is_file());
-    (0..frames).filter(has).collect()
+    Ok((0..frames).filter(has).collect())
 }

@@ -40,7 +40,10 @@ pub enum Error {
         have_last: usize,
     },
     /// A folder without any frame.
-    #[error("{} holds no images; give the folder of a KITTI sequence with `image_2`, or labels", folder.display())]
+    #[error(
+        "{} holds no images; give a KITTI sequence with `image_2`, or with `--labels` a folder with `pole/000000.png` and the like",
+        folder.display()
+    )]
     EmptyFolder {
         /// The folder.
         folder: PathBuf,

@@ -82,6 +82,8 @@ pub enum Step {
     Rounds,
     /// Ok needs that no object decides, and no two.
     Separation,
+    /// What was known before a landmark came into view bears witness for it.
+    Anchor,
     /// Ok needs that residuals are as small as expected.
     Residuals,
     /// Ok needs a lead over all that is tracked beside.
@@ -165,6 +167,7 @@ impl Step {
                 let health = &mut config.health;
                 (health.max_separation_m, health.max_separation_of_two_m) = (NEVER, NEVER);
             }
+            Self::Anchor => config.separation.anchor_s = NEVER,
             Self::Residuals => {
                 (config.health.max_mean_square, config.health.max_mean_square_anew) = (NEVER, NEVER);
             }

@@ -160,14 +160,15 @@ impl Balance {
     ) -> Separation {
         let shared = Prior { information: prior.information * config.prior_share, ..*prior };
         self.weigh(matches, view, pose, &shared, solver);
-        let by_share = self.separation_now(config);
+        let by_share = self.separation_as_held(config);
         let Some(anchor) = anchor else { return by_share };
         self.hold(pose, anchor);
-        let by_anchor = self.separation_now(config);
+        let by_anchor = self.separation_as_held(config);
         Separation { one_m: by_share.one_m.min(by_anchor.one_m), two_m: by_share.two_m.min(by_anchor.two_m) }
     }
 
-    fn separation_now(&self, config: &SeparationConfig) -> Separation {
+    /// The same of the belief that is held against the matches.
+    fn separation_as_held(&self, config: &SeparationConfig) -> Separation {
         let whole = (self.information, self.gradient);
         let mut separation = Separation { one_m: config.level_m(&whole), two_m: 0.0 };
         let Some((worst_m, rest, worst)) = self.worst_without(&whole, None, config) else { return separation };

@@ -207,6 +207,14 @@ fn localize(root: &Path, more: &[&str]) -> Ran {
 }
 
 #[test]
+fn no_label_images() {
+    let root = plain();
+    let missing = root.path().join("elsewhere");
+    localize(root.path(), &["--labels", text(&missing)]).refused(&["elsewhere", "No such file"]);
+    localize(root.path(), &["--labels", text(root.path())]).refused(&["holds no images", "pole/000000.png"]);
+}
+
+#[test]
 fn a_label_image_of_another_size() {
     let root = plain();
     let labels = root.path().join("labels");

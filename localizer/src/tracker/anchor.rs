@@ -31,10 +31,12 @@ impl Anchor {
         }
     }
 
-    /// What it says of the pose; none where it is too young.
-    pub fn prior(&self) -> Option<Prior> {
+    /// What it says of the pose at a time that is known to a variance; none where it is
+    /// too young.
+    pub fn prior(&self, time_variance_s2: f64) -> Option<Prior> {
         let older = self.older.as_ref()?;
-        Prior::new(older.map_from_camera, &older.pose_covariance())
+        let covariance = older.pose_covariance() + older.time_covariance(time_variance_s2);
+        Prior::new(older.map_from_camera, &covariance)
     }
 }
 
@@ -48,10 +50,9 @@ mod tests {
     const DT_S: f64 = 0.1;
     const SPEED_M_S: f64 = 12.0;
 
-    /// How far to the right of the way the anchor is after so many frames, metres, where
-    /// matches hold the pose on it at first, and 0.4 m to the right of it from the
-    /// frame `pulled_from` on.
-    fn right_m(frames: usize, pulled_from: usize, config: &Config) -> Option<f64> {
+    /// The anchor of a way after so many frames, and where that ends: matches hold the
+    /// pose on it at first, and 0.4 m to the right of it from the frame `pulled_from` on.
+    fn anchored(frames: usize, pulled_from: usize, config: &Config) -> (Anchor, Pose) {
         let (known, velocity) = (Matrix6::identity() * 1e-4, Tangent::new(0.0, 0.0, SPEED_M_S, 0.0, 0.0, 0.0));
         let mut way = State::new(Pose::identity(), &known, velocity, &known, &config.motion, &config.odometry);
         let shown = Odometry { speed_m_s: Some(SPEED_M_S), yaw_rate_rad_s: 0.0 };
@@ -63,7 +64,13 @@ mod tests {
             way = way.driven(DT_S, Some(&shown), &config.motion, &config.odometry);
             way.covariance = was.covariance;
         }
-        anchor.prior().map(|prior| local(&way.map_from_camera, &prior.map_from_camera)[0])
+        (anchor, way.map_from_camera)
+    }
+
+    /// How far to the right of the way the anchor is, metres.
+    fn right_m(frames: usize, pulled_from: usize, config: &Config) -> Option<f64> {
+        let (anchor, way) = anchored(frames, pulled_from, config);
+        anchor.prior(0.0).map(|prior| local(&way, &prior.map_from_camera)[0])
     }
 
     #[test]
@@ -78,5 +85,15 @@ mod tests {
             let moved_m = right_m(start + 3 * kept, start, &config).unwrap();
             assert!((moved_m - 0.4).abs() < 0.01, "{moved_m} m");
         }
+    }
+    #[test]
+    fn where_times_are_off_it_tells_less_of_how_far_along_it_is() {
+        let (anchor, _) = anchored(60, 60, &Config::default());
+        let forward_m2 = |time_s: f64| {
+            let information = anchor.prior(time_s * time_s).unwrap().information;
+            information.try_inverse().unwrap()[(2, 2)]
+        };
+        let more_m = (forward_m2(0.05) - forward_m2(0.0)).sqrt();
+        assert!((more_m - 0.05 * SPEED_M_S).abs() < 0.03, "{more_m} m");
     }
 }

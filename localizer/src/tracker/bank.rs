@@ -28,7 +28,8 @@ pub struct BankConfig {
     /// By how much a frame must tell two hypotheses apart for it to take the
     /// place of those before, nats. One that fits both as well, a stretch with nothing
     /// but a line along the road, says nothing of which is right, and what was known
-    /// of that stays, whatever it says of a third.
+    /// of that stays, whatever it says of a third; but for the first frames, until one
+    /// was ok.
     pub telling: f64,
     /// Less evidence than the best by this much is refuted, nats.
     pub prune_margin: f64,
@@ -109,10 +110,14 @@ impl Default for BankConfig {
 }
 
 impl BankConfig {
-    /// How much a frame tells two hypotheses apart, by what it says for each, nats:
-    /// from 0, nothing, to 1.
-    pub fn told(&self, evidence: f64, other_evidence: f64) -> f64 {
-        ((evidence - other_evidence).abs() / self.telling.max(f64::MIN_POSITIVE)).min(1.0)
+    /// How much a frame tells hypotheses apart, by what it says for each, nats:
+    /// from 0, nothing, to 1, as where there is but one.
+    pub fn told(&self, evidences: impl ExactSizeIterator<Item = f64>) -> f64 {
+        if evidences.len() < 2 {
+            return 1.0;
+        }
+        let (least, most) = evidences.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), e| (a.min(e), b.max(e)));
+        ((most - least) / self.telling.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
     }
 
     /// How many hypotheses of this age may be kept.

@@ -344,7 +344,7 @@ impl Hypothesis {
             &associator.matcher.matches,
             &View::new(scene.camera, &refined.map_from_camera),
             &refined.map_from_camera,
-            (&prior, self.anchor.prior().as_ref()),
+            (&prior, self.anchor.prior(time_variance_s2).as_ref()),
             &config.separation,
             &config.solver,
         );

@@ -36,7 +36,7 @@ fn a_frame_that_fits_all_as_well_leaves_what_was_known_of_them() {
         (best.past_weight, other.past_weight, other.handicap) = (0.0, -6.0, 5.0);
         for _ in 0..20 {
             (best.evidence, other.evidence) = (evidence, other_evidence);
-            let told = bank.told(evidence, other_evidence);
+            let told = bank.told([evidence, other_evidence].into_iter());
             let of_best = best.spoken();
             best.carry(of_best, told, &bank);
             other.carry(of_best, told, &bank);
@@ -57,22 +57,28 @@ fn what_a_frame_says_of_a_third_tells_two_hypotheses_not_apart() {
     let mut map = LocalMap::whole(world.map.clone());
     let mut tracker = followed(&world, &mut map);
     let best = tracker.bank.remove(0);
-    tracker.bank.clear();
     // Of three it fits two as well, and the third not at all.
-    for (past_weight, evidence) in [(0.0, 7.0), (-6.0, 7.0), (-6.0, -3.0)] {
-        let mut one = best.clone();
-        (one.past_weight, one.evidence, one.handicap) = (past_weight, evidence, 5.0);
-        tracker.bank.push(one);
-    }
-    tracker.predict(0.1, None);
-    let [first, second, third] = &tracker.bank[..] else { panic!("{} hypotheses", tracker.bank.len()) };
-    assert!((first.past_weight - second.past_weight - 6.0).abs() < 1e-9, "{}", second.past_weight);
-    assert!((first.handicap - 5.0).abs() < 1e-9 && (second.handicap - 5.0).abs() < 1e-9);
-    assert!(third.past_weight < second.past_weight - 1.0 && third.handicap < 5.0, "{}", third.past_weight);
+    let mut predict = |was_ever_ok: bool, count: usize| {
+        tracker.verdict = tracker.verdict.map(|verdict| Verdict { was_ever_ok, ..verdict });
+        tracker.bank.clear();
+        for (past_weight, evidence) in [(0.0, 7.0), (-6.0, 7.0), (-6.0, -3.0)].into_iter().take(count) {
+            let mut one = best.clone();
+            (one.past_weight, one.evidence, one.handicap) = (past_weight, evidence, 5.0);
+            tracker.bank.push(one);
+        }
+        tracker.predict(0.1, None);
+        let lead = |other: &Hypothesis| (tracker.bank[0].past_weight - other.past_weight, other.handicap);
+        tracker.bank.iter().map(lead).collect::<Vec<_>>()
+    };
+    let [first, second, third] = predict(true, 3)[..] else { panic!("not three") };
+    assert!((second.0 - 6.0).abs() < 1e-9, "{second:?}");
+    assert!((first.1 - 5.0).abs() < 1e-9 && (second.1 - 5.0).abs() < 1e-9, "{first:?} {second:?}");
+    assert!(third.0 > 7.0 && third.1 < 5.0, "{third:?}");
     // One alone has no other that it would have to be told from.
-    tracker.bank.truncate(1);
-    tracker.predict(0.1, None);
-    assert!(tracker.bank[0].handicap < 5.0);
+    assert!(predict(true, 1)[0].1 < 5.0);
+    // Before anything was trusted, what one frame said fades.
+    let [first, second, _] = predict(false, 3)[..] else { panic!("not three") };
+    assert!(second.0 < 5.0 && first.1 < 5.0 && second.1 < 5.0, "{first:?} {second:?}");
 }
 
 #[test]

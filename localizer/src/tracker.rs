@@ -145,15 +145,15 @@ impl<'a> Tracker<'a> {
         std::mem::swap(&mut self.bank, &mut self.spare);
         self.bank.clear();
         let best = self.spare.first().map_or((0.0, 0.0), Hypothesis::spoken);
-        let next = self.spare.get(1).map(Hypothesis::spoken);
+        let next = self.spare.get(1).map(|next| next.evidence);
         let widest = self.config.bank.told(self.spare.iter().map(|hypothesis| hypothesis.evidence));
         let was_ever_ok = self.verdict.is_some_and(|verdict| verdict.was_ever_ok);
         for (i, mut hypothesis) in self.spare.drain(..).enumerate() {
             // The best is set apart from the next, all others from it. Before anything was
             // trusted, nothing is known that would have to stay.
-            let other = if i == 0 { next } else { Some(best) }.filter(|_| was_ever_ok);
-            let pair = other.map(|(_, said)| [hypothesis.evidence, said]);
-            let told = pair.map_or(widest, |pair| self.config.bank.told(pair.into_iter()));
+            let other = if i == 0 { next } else { Some(best.1) }.filter(|_| was_ever_ok);
+            let of_pair = |other| self.config.bank.told([hypothesis.evidence, other].into_iter());
+            let told = other.map_or(widest, of_pair);
             hypothesis.carry(best, told, &self.config.bank);
             hypothesis.predict(dt_s, odometry, &self.config, &mut self.bank);
         }

@@ -86,6 +86,13 @@ fn run_network_by_onnx_runtime(bencher: Bencher, name: &str) {
     time_network(bencher, name, Runtime::Ort);
 }
 
+/// With a library for CUDA and a GPU; says what is missing, else.
+#[cfg(feature = "ort")]
+#[divan::bench(args = [POLES, LANES, WHOLE_LANES], sample_count = 50)]
+fn run_network_on_gpu(bencher: Bencher, name: &str) {
+    time_network(bencher, name, Runtime::OrtCuda);
+}
+
 fn time_network(bencher: Bencher, name: &str, runtime: Runtime) {
     if let (Some(network), Some(image)) = (network(name, runtime), image()) {
         bencher.bench_local(|| {

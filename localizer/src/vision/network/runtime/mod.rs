@@ -48,8 +48,15 @@ impl Runtime {
             Self::Rten => Ok(Box::new(rten::load(bytes).map_err(unreadable)?)),
             #[cfg(feature = "ort")]
             Self::Ort | Self::OrtCuda => {
-                let device = self.missing(onnx_runtime::device(self == Self::OrtCuda), onnx_runtime::REMEDY)?;
-                Ok(Box::new(device.load(&bytes).map_err(unreadable)?))
+                let device =
+                    |runtime| self.missing(onnx_runtime::device(runtime == Self::OrtCuda), onnx_runtime::REMEDY);
+                let model = device(self)?.load(&bytes);
+                // Whether there is a GPU is known here first: a model that
+                // the processor takes is not what is wrong.
+                let is_intact = model.is_err() && self == Self::OrtCuda && device(Self::Ort)?.load(&bytes).is_ok();
+                let model =
+                    if is_intact { self.missing(model, onnx_runtime::REMEDY)? } else { model.map_err(unreadable)? };
+                Ok(Box::new(model))
             }
             #[cfg(not(feature = "ort"))]
             Self::Ort | Self::OrtCuda => self.missing(

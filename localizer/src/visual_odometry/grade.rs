@@ -75,6 +75,8 @@ mod tests {
             correlation: 0.9,
             lead: 0.4,
             halves: Some(halves),
+            sides_m: None,
+            middle_m: 0.0,
         }
     }
 

@@ -8,6 +8,7 @@
 //! is pitched against it.
 
 mod config;
+mod fall;
 mod grade;
 mod road;
 mod rotation;
@@ -18,6 +19,7 @@ use image::GrayImage;
 use nalgebra::Rotation3;
 
 pub use config::{LabelConfig, RoadConfig, RotationConfig, TrackConfig, VisualOdometryConfig};
+use fall::Fall;
 use grade::Grade;
 use road::{Road, Shift, View};
 use rotation::{ASIDE, Belief, DOWN, Motion, Parameters, YAW, fit};
@@ -72,6 +74,7 @@ pub struct VisualOdometer {
     pitch_rad: f64,
     pitch_images: f64,
     grade: Grade,
+    fall: Fall,
 }
 
 impl VisualOdometer {
@@ -96,6 +99,7 @@ impl VisualOdometer {
             pitch_rad: 0.0,
             pitch_images: 0.0,
             grade: Grade::new(&config.road),
+            fall: Fall::new(&config.road),
         }
     }
 
@@ -146,10 +150,13 @@ impl VisualOdometer {
         self.turn_rad_s = std::array::from_fn(|i| parameters[i] / dt_s);
         let shift = self.drive(&before, &parameters, dt_s);
         self.unseen_s += dt_s;
-        self.grade.advance(self.speed_m_s.unwrap_or(0.0) * dt_s, &self.config.road);
+        let (way_m, road) = (self.speed_m_s.unwrap_or(0.0) * dt_s, &self.config.road);
+        self.grade.advance(way_m, road);
+        self.fall.advance(way_m, road);
         let speed_m_s = shift.filter(|shift| self.is_believed(shift, time_s, dt_s)).map(|shift| {
-            let way_m = shift.forward_m / self.grade.stretch(&shift, self.camera_height_m, &self.config.road);
-            way_m / dt_s
+            let (height_m, road) = (self.camera_height_m, &self.config.road);
+            let stretch = self.grade.stretch(&shift, height_m, road) * self.fall.stretch(&shift, height_m, road);
+            shift.forward_m / stretch / dt_s
         });
         if speed_m_s.is_some() {
             (self.speed_m_s, self.unseen_s) = (speed_m_s, 0.0);
@@ -233,10 +240,14 @@ impl VisualOdometer {
                 rise: self.pitch_now_rad(parameters, speed_m_s),
                 bend_per_m: bend_per_m.clamp(-SHARPEST_PER_M, SHARPEST_PER_M),
                 sag_per_m: self.grade.sag_per_m(),
+                fall: self.fall.per_m(),
             };
-            let view = |image, turned: &Rotation3<f64>| View::new(image, &self.camera, turned, &road, config);
-            view(before, &Rotation3::identity()).shift_to(
-                &view(image, &after_from_before),
+            let view = |image, turned: &Rotation3<f64>, road| View::new(image, &self.camera, turned, road, config);
+            // What of the direction of the motion is no pitch is a bump.
+            let lower_m = (parameters[DOWN] + road.rise) * speed_m_s * dt_s;
+            let later = Road { height_m: road.height_m - lower_m, ..road };
+            view(before, &Rotation3::identity(), &road).shift_to(
+                &view(image, &after_from_before, &later),
                 parameters[ASIDE],
                 ways_m,
                 config,

@@ -25,6 +25,10 @@ pub(super) struct View {
     columns: usize,
     rows: usize,
     data: Vec<f32>,
+    /// The column in which the way ahead lies, of each row.
+    middles: Vec<usize>,
+    /// Mean of how far to the right of the camera what is seen is, metres.
+    middle_m: f64,
 }
 
 /// How the road lies before the camera.
@@ -38,12 +42,19 @@ pub(super) struct Road {
     pub bend_per_m: f64,
     /// The same upwards, 1/m: positive in a sag, negative on a crest.
     pub sag_per_m: f64,
+    /// By how much its distance below the optical axis grows per metre to the right.
+    pub fall: f64,
 }
 
 impl Road {
-    /// How far below the optical axis it lies so far ahead, metres.
-    fn below_m(&self, ahead_m: f64) -> f64 {
-        self.height_m - self.rise * ahead_m - 0.5 * self.sag_per_m * ahead_m * ahead_m
+    /// How far below the optical axis it lies so far ahead and to the right, metres.
+    fn below_m(&self, ahead_m: f64, right_m: f64) -> f64 {
+        self.height_m - self.rise * ahead_m - 0.5 * self.sag_per_m * ahead_m * ahead_m + self.fall * right_m
+    }
+
+    /// How far to the right the way lies so far ahead, metres.
+    pub fn middle_m(&self, ahead_m: f64) -> f64 {
+        0.5 * self.bend_per_m * ahead_m * ahead_m
     }
 }
 
@@ -58,6 +69,10 @@ pub(super) struct Shift {
     pub lead: f64,
     /// What the far and the near half of the view say alone, where both do.
     pub halves: Option<[Half; 2]>,
+    /// The shifts of the left and of the right side alone, metres, where both tell.
+    pub sides_m: Option<[f64; 2]>,
+    /// How far to the right of the camera the middle of the view is, metres.
+    pub middle_m: f64,
 }
 
 /// One half of a view.
@@ -67,6 +82,14 @@ pub(super) struct Half {
     pub ahead_m: f64,
     /// Its shift towards the camera, metres.
     pub forward_m: f64,
+}
+
+/// The sides of the way ahead.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Side {
+    Both,
+    Left,
+    Right,
 }
 
 impl View {
@@ -85,20 +108,32 @@ impl View {
         let count = |length_m: f64| (length_m / config.pixel_m).ceil().max(1.0) as usize;
         let (columns, rows) = (count(2.0 * half_m), count(far_m - near_m));
         let mut seen = vec![f32::NAN; columns * rows];
+        let mut middles = Vec::with_capacity(rows);
+        let (mut right_m, mut count_seen) = (0.0, 0.0);
         for (y, row) in seen.chunks_exact_mut(columns).enumerate() {
             let z_m = far_m - y as f64 * config.pixel_m;
-            let middle_m = 0.5 * road.bend_per_m * z_m * z_m;
+            let middle_m = road.middle_m(z_m);
+            middles.push((((middle_m + half_m) / config.pixel_m).max(0.0) as usize).min(columns));
             for (x, grey) in row.iter_mut().enumerate() {
                 let x_m = x as f64 * config.pixel_m - half_m;
                 if (x_m - middle_m).abs() <= config.half_width_m {
-                    let point = camera_from_level * Vector3::new(x_m, road.below_m(z_m), z_m);
+                    let point = camera_from_level * Vector3::new(x_m, road.below_m(z_m, x_m), z_m);
                     let u_px = camera.fx_px * point.x / point.z + camera.cx_px;
                     let v_px = camera.fy_px * point.y / point.z + camera.cy_px;
-                    *grey = sample(image, u_px as f32, v_px as f32).unwrap_or(f32::NAN);
+                    let Some(value) = sample(image, u_px as f32, v_px as f32) else { continue };
+                    *grey = value;
+                    right_m += x_m;
+                    count_seen += 1.0;
                 }
             }
         }
-        Self { columns, rows, data: normalised(&seen, columns, count(config.around_m)) }
+        Self {
+            columns,
+            rows,
+            data: normalised(&seen, columns, count(config.around_m)),
+            middles,
+            middle_m: right_m / f64::max(count_seen, 1.0),
+        }
     }
 
     /// The shift from this view to that of the image after, from `least_m` to
@@ -116,7 +151,7 @@ impl View {
         let [least, most] = [least_m, most_m].map(|way_m| ((way_m / config.pixel_m) as isize).clamp(-half, half));
         let seen = self.data.iter().filter(|grey| **grey != 0.0).count() as f64;
         let score = |rows| {
-            let (correlation, shared) = self.correlation(after, rows, aside, self.shared_rows(rows));
+            let (correlation, shared) = self.correlation(after, rows, aside, self.shared_rows(rows), Side::Both);
             if f64::from(shared) < config.least_shared * seen { 0.0 } else { correlation }
         };
         let scores: Vec<f64> = (least..=most).map(score).collect();
@@ -130,32 +165,47 @@ impl View {
             correlation,
             lead: correlation - second,
             halves: self.halves_to(after, aside, rows, config),
+            sides_m: self.sides_to(after, aside, rows, config),
+            middle_m: self.middle_m,
         })
     }
 
     /// The shifts of the far and of the near half, close to that of both.
     fn halves_to(&self, after: &Self, aside: f64, rows: isize, config: &RoadConfig) -> Option<[Half; 2]> {
-        let (peak, most) = ((config.peak_m / config.pixel_m) as isize, self.rows.cast_signed() / 2);
-        let shifts = (rows - peak).max(-most)..=(rows + peak).min(most);
         let half = |is_near: bool| {
             let part = |rows| {
                 let Range { start, end } = self.shared_rows(rows);
                 let middle = usize::midpoint(start, end);
                 if is_near { middle..end } else { start..middle }
             };
-            let scores: Vec<f64> =
-                shifts.clone().map(|rows| self.correlation(after, rows, aside, part(rows)).0).collect();
-            let best = (0..scores.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b]))?;
-            let is_peak = best > 0 && best + 1 < scores.len() && scores[best] >= config.least_correlation;
-            let rows = shifts.start() + best.cast_signed();
+            let score = |rows| self.correlation(after, rows, aside, part(rows), Side::Both).0;
+            let (rows, shift) = self.peak_near(rows, score, config)?;
             // A row of the other view, and half the way back from it.
             let middle = 0.5 * ((part(rows).start + part(rows).end) as f64 - rows as f64);
-            is_peak.then(|| Half {
-                ahead_m: config.ahead_m[1] - middle * config.pixel_m,
-                forward_m: (rows as f64 + vertex(&scores, best)) * config.pixel_m,
-            })
+            Some(Half { ahead_m: config.ahead_m[1] - middle * config.pixel_m, forward_m: shift * config.pixel_m })
         };
         Some([half(false)?, half(true)?])
+    }
+
+    /// The same of the left and of the right side, metres.
+    fn sides_to(&self, after: &Self, aside: f64, rows: isize, config: &RoadConfig) -> Option<[f64; 2]> {
+        let side = |side: Side| {
+            let score = |rows| self.correlation(after, rows, aside, self.shared_rows(rows), side).0;
+            self.peak_near(rows, score, config).map(|(_, shift)| shift * config.pixel_m)
+        };
+        Some([side(Side::Left)?, side(Side::Right)?])
+    }
+
+    /// Where near a shift of so many rows a score is best, in whole rows and between
+    /// them; none where that is no peak.
+    fn peak_near(&self, rows: isize, score: impl Fn(isize) -> f64, config: &RoadConfig) -> Option<(isize, f64)> {
+        let (peak, most) = ((config.peak_m / config.pixel_m) as isize, self.rows.cast_signed() / 2);
+        let shifts = (rows - peak).max(-most)..=(rows + peak).min(most);
+        let scores: Vec<f64> = shifts.clone().map(score).collect();
+        let best = (0..scores.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b]))?;
+        let is_peak = best > 0 && best + 1 < scores.len() && scores[best] >= config.least_correlation;
+        let rows = shifts.start() + best.cast_signed();
+        is_peak.then(|| (rows, rows as f64 + vertex(&scores, best)))
     }
 
     /// The rows of the other view in which there is what this one shows so many
@@ -167,8 +217,9 @@ impl View {
 
     /// The correlation where what is in a row of this view is so many rows
     /// nearer in the other, of the same size, and how many pixels are in both;
-    /// in some of the rows that they share, rows of the other.
-    fn correlation(&self, after: &Self, rows: isize, aside: f64, of_after: Range<usize>) -> (f64, u32) {
+    /// in some of the rows that they share, rows of the other, and on one side of
+    /// the way there.
+    fn correlation(&self, after: &Self, rows: isize, aside: f64, of_after: Range<usize>, side: Side) -> (f64, u32) {
         let columns = (aside * rows as f64).round() as isize;
         let (mut product, mut square, mut square_after, mut shared_pixels) = (0.0, 0.0, 0.0, 0);
         let shared = self.columns.saturating_sub(columns.unsigned_abs());
@@ -177,8 +228,14 @@ impl View {
         }
         let (from, from_after) = (columns.max(0) as usize, (-columns).max(0) as usize);
         for y in of_after {
-            let row = &self.data[y.saturating_add_signed(-rows) * self.columns..][from..][..shared];
-            let row_after = &after.data[y * self.columns..][from_after..][..shared];
+            let middle = after.middles[y].saturating_sub(from_after).min(shared);
+            let part = match side {
+                Side::Both => 0..shared,
+                Side::Left => 0..middle,
+                Side::Right => middle..shared,
+            };
+            let row = &self.data[y.saturating_add_signed(-rows) * self.columns..][from..][part.clone()];
+            let row_after = &after.data[y * self.columns..][from_after..][part];
             let (mut sum, mut sum_square, mut sum_square_after, mut count) = (0.0_f32, 0.0_f32, 0.0_f32, 0);
             for (&a, &b) in row.iter().zip(row_after) {
                 // What is not seen in one of them is zero there.
@@ -264,7 +321,7 @@ mod tests {
     }
 
     fn view(image: &GrayImage, config: &RoadConfig) -> View {
-        let road = Road { height_m: 1.65, rise: 0.0, bend_per_m: 0.0, sag_per_m: 0.0 };
+        let road = Road { height_m: 1.65, rise: 0.0, bend_per_m: 0.0, sag_per_m: 0.0, fall: 0.0 };
         View::new(image, &camera(), &Rotation3::identity(), &road, config)
     }
 
@@ -275,8 +332,8 @@ mod tests {
         let seen = view(&image, &config);
         let shift = seen.shift_to(&seen, 0.0, [-1.0, 4.0], &config).unwrap();
         assert!(shift.forward_m.abs() < 1e-6 && (shift.correlation - 1.0).abs() < 1e-3, "{shift:?}");
-        assert_eq!(seen.correlation(&seen, 10, 1e3, 10..seen.rows), (0.0, 0));
-        assert_eq!(seen.correlation(&seen, 10, -1e3, 10..seen.rows), (0.0, 0));
+        assert_eq!(seen.correlation(&seen, 10, 1e3, 10..seen.rows, Side::Both), (0.0, 0));
+        assert_eq!(seen.correlation(&seen, 10, -1e3, 10..seen.rows, Side::Both), (0.0, 0));
     }
 
     #[test]

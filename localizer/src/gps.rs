@@ -13,6 +13,9 @@ use serde::{Deserialize, Serialize};
 use crate::filter::State;
 use crate::{Error, Result};
 
+/// Norm of a quaternion below which it is no heading.
+const LEAST_NORM: f64 = 0.1;
+
 /// Standard deviations of GPS fixes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -139,12 +142,17 @@ pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<BTreeMap
         let (frame, position_map, heading) = match values.len() {
             4 => (frame_at(path, line, values[0], times_s)?, position([1, 2, 3]), None),
             8 => {
+                // Four zeros are how receivers say that they know no heading.
                 let quaternion = Quaternion::new(values[7], values[4], values[5], values[6]);
-                let forward = UnitQuaternion::from_quaternion(quaternion) * Vector3::z();
-                (frame_at(path, line, values[0], times_s)?, position([1, 2, 3]), yaw(forward.x, forward.z))
+                let rotation = UnitQuaternion::try_new(quaternion, LEAST_NORM);
+                let heading = rotation.map(|rotation| rotation * Vector3::z()).and_then(|f| yaw(f.x, f.z));
+                (frame_at(path, line, values[0], times_s)?, position([1, 2, 3]), heading)
             }
             12 if values.iter().all(|v| v.is_nan()) => continue,
             12 => (index, position([3, 7, 11]), yaw(values[2], values[10])),
+            13 if values[0] < 0.0 || values[0].fract() != 0.0 => {
+                return Err(bad_number(path, line, &values[0].to_string()));
+            }
             13 => (values[0] as usize, position([4, 8, 12]), yaw(values[3], values[11])),
             found => return Err(Error::GpsRow { path: path.to_path_buf(), line, found }),
         };
@@ -214,6 +222,9 @@ mod tests {
         assert!((fixes[&3].heading.unwrap().0 - std::f64::consts::FRAC_PI_2).abs() < 1e-6);
         let fixes = read_text("2 1 0 0 5 0 1 0 6 0 0 1 7\n").unwrap();
         assert!((fixes[&2].position_map - Point3::new(5.0, 6.0, 7.0)).norm() < 1e-12);
+        // Receivers that know no heading.
+        let fixes = read_text("0.2 1 2 3 0 0 0 0\n").unwrap();
+        assert!(fixes[&2].heading.is_none() && fixes[&2].position_map == Point3::new(1.0, 2.0, 3.0));
         let none = "nan ".repeat(12);
         let fixes = read_text(&format!("{none}\n1 0 0 5 0 1 0 6 0 0 1 7\n")).unwrap();
         assert_eq!(fixes.keys().copied().collect::<Vec<_>>(), [1]);
@@ -235,6 +246,10 @@ mod tests {
         assert!(matches!(read_text("0.0 1 2 3\n0.1 1 2\n"), Err(Error::GpsRow { line: 2, found: 3, .. })));
         assert!(matches!(read_text("9.0 1 2 3\n"), Err(Error::GpsTime { line: 1, .. })));
         assert!(read_text("0.0 1 x 3\n").unwrap_err().to_string().contains('x'));
+        for frame in ["-1", "2.5"] {
+            let error = read_text(&format!("{frame} 1 0 0 5 0 1 0 6 0 0 1 7\n")).unwrap_err().to_string();
+            assert!(error.contains(frame), "{error}");
+        }
     }
 
     #[test]

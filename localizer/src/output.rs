@@ -154,6 +154,8 @@ impl From<&FrameResult> for Recorded {
 /// Times of one frame, milliseconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Timing {
+    /// The frame.
+    pub frame: usize,
     /// Probabilities: networks, or reading labels.
     pub maps_ms: f64,
     /// Features from them.
@@ -215,7 +217,8 @@ pub fn read_timing(path: &Path) -> Result<Vec<Timing>> {
         .iter()
         .map(|(line, words)| {
             let number = |i: usize| number(path, *line, words, i);
-            Ok(Timing { maps_ms: number(1)?, features_ms: number(2)?, localize_ms: number(3)? })
+            let frame = number(0)? as usize;
+            Ok(Timing { frame, maps_ms: number(1)?, features_ms: number(2)?, localize_ms: number(3)? })
         })
         .collect()
 }

@@ -8,7 +8,6 @@ use crate::associate::paper::{PaperScene, associate_and_localize};
 use crate::config::Config;
 use crate::estimate::{PoseEstimate, Status};
 use crate::local_map::LocalMap;
-use crate::measurement::NoiseConfig;
 use crate::prepare::Prepared;
 use crate::preselect::{Candidates, Lookup, PreselectConfig, Reach};
 use crate::projection::ImageSize;
@@ -36,8 +35,6 @@ impl<'a> PaperTracker<'a> {
         // Lane lines 5 to 20 m ahead, whatever the default method uses.
         let paper = PreselectConfig { lane_near_m: 5.0, lane_far_m: 20.0, ..config.preselect };
         config.preselect = paper;
-        // Its sigmas, whatever the default method takes the map to be worth.
-        config.noise = NoiseConfig { pole_sigma_m: 0.10, sign_sigma_m: 0.10, ..config.noise };
         Self {
             map,
             camera: *camera,

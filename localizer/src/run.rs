@@ -12,6 +12,7 @@ use crate::features::Features;
 use crate::gps::GpsFix;
 use crate::local_map::LocalMap;
 use crate::odometry::OdometryLog;
+use crate::output::Timing;
 use crate::paper_tracker::PaperTracker;
 use crate::projection::ImageSize;
 use crate::tracker::{FrameInput, Tracker};
@@ -78,6 +79,14 @@ pub struct FrameResult {
     pub features_ms: f64,
     /// Time for association and pose, milliseconds.
     pub localize_ms: f64,
+}
+
+impl FrameResult {
+    /// The times that it took.
+    pub fn timing(&self) -> Timing {
+        let Self { frame, maps_ms, features_ms, localize_ms, .. } = *self;
+        Timing { frame, maps_ms, features_ms, localize_ms }
+    }
 }
 
 /// One frame before it is localized.

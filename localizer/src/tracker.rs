@@ -115,7 +115,7 @@ impl<'a> Tracker<'a> {
     pub fn step(&mut self, input: &FrameInput<'_>) -> Result<Option<&PoseEstimate>> {
         self.map.next_frame()?;
         let dt_s = self.last_time_s.map_or(0.0, |last_s| (input.time_s - last_s).max(0.0));
-        self.last_time_s = Some(input.time_s);
+        self.last_time_s = Some(self.last_time_s.map_or(input.time_s, |last_s| last_s.max(input.time_s)));
         self.sight.look(input.features);
         if self.sight.shows_the_same && dt_s <= 0.0 && input.gps.is_none() {
             return Ok(self.said.as_ref());

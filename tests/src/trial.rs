@@ -16,7 +16,7 @@ use localizer::eval::{FrameError, LOST_M, START_FRAMES, StageTime, score};
 use localizer::gps::GpsFix;
 use localizer::local_map::LocalMap;
 use localizer::odometry::OdometryLog;
-use localizer::output::{Recorded, Timing};
+use localizer::output::Recorded;
 use localizer::projection::ImageSize;
 use localizer::run::{FrameFeatures, FrameResult, Localizer, Method, localize};
 use localizer::watch::{self, Delivery, odometry};
@@ -162,10 +162,8 @@ impl Trial {
     pub fn figures(&self, results: &[FrameResult]) -> Option<Figures> {
         let scored = results.get(START_FRAMES..)?;
         let recorded: Vec<Recorded> = scored.iter().map(Recorded::from).collect();
-        let timing =
-            |r: &FrameResult| Timing { maps_ms: r.maps_ms, features_ms: r.features_ms, localize_ms: r.localize_ms };
         let truth: Vec<Option<Pose>> = self.truth.iter().copied().map(Some).collect();
-        let report = score(&recorded, &truth, &scored.iter().map(timing).collect::<Vec<_>>())?;
+        let report = score(&recorded, &truth, &scored.iter().map(FrameResult::timing).collect::<Vec<_>>())?;
         let [ok, _, lost] = report.ok_degraded_lost?;
         let count = report.frames as f64;
         let hazards = scored.iter().zip(&report.errors).filter(|(r, e)| is_hazardous(r, e));

@@ -94,7 +94,8 @@ pub struct PaperScene<'a> {
     pub features: &'a Prepared,
     /// What may be seen.
     pub candidates: &'a Candidates,
-    /// Overlap and size tests; its standard deviations are not used.
+    /// Overlap and size tests, and how far below its foot a pole may reach; no other
+    /// standard deviation is used.
     pub noise: &'a NoiseConfig,
 }
 

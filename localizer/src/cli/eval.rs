@@ -38,9 +38,10 @@ pub struct EvalArgs {
 
 pub fn execute(args: &EvalArgs) -> Result<bool> {
     let truth = read_truth(&args.truth)?;
-    let (mut estimates, timing) = read(args, truth.len())?;
+    let (mut estimates, mut timing) = read(args, truth.len())?;
     let last = args.last.unwrap_or(usize::MAX);
     estimates.retain(|e| (args.first..=last).contains(&e.frame));
+    timing.retain(|t| (args.first..=last).contains(&t.frame));
     let report = score(&estimates, &truth, &timing).ok_or_else(|| Error::NoCommonFrames {
         estimate: args.estimate.clone(),
         truth: args.truth.clone(),

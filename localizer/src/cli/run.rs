@@ -57,6 +57,8 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     config.gps.fuse |= args.fuse_gps;
     let wheels = args.odometry.as_deref().map(OdometryLog::read).transpose()?;
     let out = super::required(args.out.as_ref(), "--out")?;
+    // Where wheels tell the motion, the images are not asked.
+    config.visual_odometry.is_on &= wheels.is_none();
     let mut input = args.input.read(&config, |_, frame, seen| {
         if let Some(folder) = &args.save_labels {
             crate::vision::labels::write(folder, frame, &seen.maps)?;

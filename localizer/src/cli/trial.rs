@@ -10,7 +10,7 @@ use super::input::{Input, InputArgs, simulated};
 use crate::eval::{LOST_M, Report, START_FRAMES, StageTime, score};
 use crate::odometry::OdometryLog;
 use crate::output::{Recorded, Timing};
-use crate::run::{Localizer, Method, localize};
+use crate::run::{FrameResult, Localizer, Method, localize};
 use crate::watch::odometry;
 use crate::{Error, Result, config::Config};
 
@@ -45,6 +45,8 @@ struct Draw {
 pub fn execute(args: &TrialArgs) -> Result<bool> {
     let Some(mut config) = args.config.load()? else { return Ok(true) };
     let wheels = args.odometry.as_deref().map(OdometryLog::read).transpose()?;
+    // Where wheels tell the motion, the images are not asked.
+    config.visual_odometry.is_on &= wheels.is_none();
     let mut input = args.input.read(&config, |_, _, _| Ok(()))?;
     let odometry = odometry(wheels, &input.motion, &mut config);
     let truth = args.input.true_poses(&input.drive)?;
@@ -91,10 +93,7 @@ fn localize_once(
     let results = localize(&input.frames, &fixes, odometry, localizer)?;
     let scored = results.get(START_FRAMES.min(results.len())..).unwrap_or(&[]);
     let recorded: Vec<Recorded> = scored.iter().map(Recorded::from).collect();
-    let timing: Vec<Timing> = scored
-        .iter()
-        .map(|r| Timing { maps_ms: r.maps_ms, features_ms: r.features_ms, localize_ms: r.localize_ms })
-        .collect();
+    let timing: Vec<Timing> = scored.iter().map(FrameResult::timing).collect();
     let truth: Vec<Option<Pose>> = truth.iter().copied().map(Some).collect();
     let ends = input.frames.first().zip(input.frames.last()).map_or((0, 0), |(a, b)| (a.frame, b.frame));
     let report = score(&recorded, &truth, &timing).ok_or(Error::NoStart { first: ends.0, last: ends.1 })?;

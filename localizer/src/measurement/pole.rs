@@ -113,7 +113,7 @@ impl PoleImage {
             let off = off_px / sigma_px;
             (-0.5 * off * off).exp() / (sigma_px * std::f64::consts::TAU.sqrt()) * rows_px
         };
-        let hidden = 1.0 - ends.seen;
+        let hidden = (1.0 - ends.seen).max(UNLIKELY);
         let below_px = feature.length_px - along(&self.foot_px);
         let foot = if feature.lower_is_cut {
             // Cut by something in front: anywhere above the foot.

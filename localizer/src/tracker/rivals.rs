@@ -1,6 +1,8 @@
 //! Poses beside the best one that may explain a frame as well: the next lane,
 //! the same place one delineator further.
 
+use std::f64::consts::PI;
+
 use common::geometry::{Pose, Tangent, local, retract};
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
@@ -85,8 +87,11 @@ impl RivalConfig {
     /// How far the shifted poses lie around one with this covariance.
     pub fn reach(&self, covariance: &Matrix6<f64>) -> Reach {
         let own = Reach::of_covariance(covariance);
-        let most_m = self.sideways_m.iter().chain(&self.along_m).fold(0.0_f64, |most, m| most.max(m.abs()));
-        Reach { position_m: own.position_m + most_m, angle_rad: own.angle_rad + 0.05 }
+        let most_m = |shifts_m: &[f64]| shifts_m.iter().fold(0.0_f64, |most, m| most.max(m.abs()));
+        // Where it is least certain may be a turn.
+        let turned_rad = most_m(&self.uncertain_m) / self.lever_m.max(f64::MIN_POSITIVE);
+        let shifted_m = most_m(&self.sideways_m).max(most_m(&self.along_m)).max(most_m(&self.uncertain_m));
+        Reach { position_m: own.position_m + shifted_m, angle_rad: own.angle_rad + turned_rad.min(PI) }
     }
 }
 

@@ -232,8 +232,10 @@ impl<'a> Tracker<'a> {
 
     /// By how much the best hypothesis is ahead of the next, nats.
     fn lead(&self) -> f64 {
-        let weight = |i: usize| self.bank.get(i).map(|hypothesis| hypothesis.log_weight);
-        weight(0).zip(weight(1)).map_or(f64::INFINITY, |(best, second)| best - second)
+        // Those that were added since they were sorted stand last.
+        let Some((best, others)) = self.bank.split_first() else { return f64::INFINITY };
+        let next = others.iter().map(|hypothesis| hypothesis.log_weight).max_by(f64::total_cmp);
+        next.map_or(f64::INFINITY, |next| best.log_weight - next)
     }
 
     /// Searches the region while nothing is tracked that the last frames
@@ -366,10 +368,11 @@ impl<'a> Tracker<'a> {
         let verdict = health::judge(best, &context, self.verdict, &self.config.health);
         self.verdict = Some(verdict);
         let status = verdict.status;
-        if verdict.is_followed {
+        // What shows the same again confirms nothing.
+        if verdict.is_followed && !shows_the_same {
             self.unfollowed_s = 0.0;
         }
-        if verdict.well_frames > 0 {
+        if verdict.well_frames > 0 && !shows_the_same {
             // Should it be lost from here on, it is searched around here.
             self.region.trust(&best.state, self.config.bank.contradiction);
         }

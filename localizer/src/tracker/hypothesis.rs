@@ -263,10 +263,11 @@ impl Hypothesis {
 
     /// Keeps the position from wandering off further than a fix can be wrong.
     pub fn constrain_to_fix(&mut self, fix: &GpsFix, config: &GpsConfig) {
-        if let Some([right_m, forward_m]) = fix.offset(&self.state, config) {
-            self.state.constrain(0, right_m, fix.horizontal_sigma_m);
-            self.state.constrain(2, forward_m, fix.horizontal_sigma_m);
-        }
+        let Some([right_m, _]) = fix.offset(&self.state, config) else { return };
+        self.state.constrain(0, right_m, fix.horizontal_sigma_m);
+        // What that says of the way along, too, is not said again.
+        let Some([_, forward_m]) = fix.offset(&self.state, config) else { return };
+        self.state.constrain(2, forward_m, fix.horizontal_sigma_m);
     }
 
     /// A frame did not hold it: that says nothing against who knows how far it

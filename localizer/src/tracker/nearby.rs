@@ -5,7 +5,7 @@
 //! tilted, the matching does not find back by itself. So some metres around it
 //! are searched as at the start, level as the road is.
 
-use common::geometry::PoseParameters;
+use common::geometry::{Pose, PoseParameters};
 use nalgebra::{Point3, Vector6};
 use serde::{Deserialize, Serialize};
 
@@ -96,7 +96,12 @@ impl Tracker<'_> {
         let yaw = (PoseParameters::from_pose(&pose).yaw_rad, sigma(4, config.yaw_sigma_rad));
         let here = Point3::from(pose.translation.vector);
         let mut rough = Rough::from_fix(self.map, &self.sight.candidates.roads, &here, 0.0, Some(yaw), start);
-        rough.map_from_camera.translation = pose.translation;
+        // As high as it is, and as askew as this camera sits on its vehicle.
+        let [pitch_rad, roll_rad] = best.state.rest_rad;
+        let level = PoseParameters::from_pose(&rough.map_from_camera);
+        let seated =
+            PoseParameters { pitch_rad: level.pitch_rad + pitch_rad, roll_rad: level.roll_rad + roll_rad, ..level };
+        rough.map_from_camera = Pose { translation: pose.translation, ..seated.to_pose() };
         rough.sigmas = Vector6::new(
             sigma(0, config.right_sigma_m),
             sigma(1, config.height_sigma_m),

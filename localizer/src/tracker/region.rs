@@ -111,8 +111,9 @@ impl Region {
 
 /// Takes a fix in. What a receiver is off by lasts: more fixes do not tell more.
 fn take_in(place: &mut State, rough: &Rough) {
-    let off = local(&place.map_from_camera, &rough.map_from_camera);
     for component in [0, 2, 4] {
+        // What one says of the others, too, is not said again.
+        let off = local(&place.map_from_camera, &rough.map_from_camera);
         place.constrain(component, off[component], rough.sigmas[component]);
     }
 }
@@ -251,6 +252,24 @@ mod tests {
     fn told(region: &mut Region, right_m: f64, times: usize, config: &Config) {
         let (fix, rough) = fix(right_m);
         (0..times).for_each(|_| region.take(&fix, &rough, config));
+    }
+
+    /// Who went 20 m with a heading known to 0.2 rad is aside by that.
+    #[test]
+    fn what_a_fix_says_of_the_side_is_not_said_again_by_its_heading() {
+        let (_, known) = fix(0.0);
+        let mut place = unknown_speed(&known, &Config::default());
+        let (side_m, heading_rad, way_m) = (1.0, 0.2, 20.0);
+        place.covariance[(4, 4)] = heading_rad * heading_rad;
+        place.covariance[(0, 0)] = side_m * side_m + (way_m * heading_rad) * (way_m * heading_rad);
+        for at in [(0, 4), (4, 0)] {
+            place.covariance[at] = way_m * heading_rad * heading_rad;
+        }
+        let (_, mut rough) = fix(3.0);
+        rough.map_from_camera = retract(&rough.map_from_camera, &Tangent::new(0.0, 0.0, 0.0, 0.0, 0.15, 0.0));
+        take_in(&mut place, &rough);
+        let off = local(&known.map_from_camera, &place.map_from_camera);
+        assert!((off[0] - 3.0).abs() < 0.4 && (off[4] - 0.15).abs() < 0.03, "{off}");
     }
 
     #[test]

@@ -162,3 +162,33 @@ fn ok_takes_as_many_good_frames_in_a_row() {
         assert_eq!(of_three[frame], alone[frame - 2..=frame].iter().all(|ok| *ok), "frame {frame}");
     }
 }
+
+#[test]
+fn what_leads_is_ahead_of_all_others_however_they_stand() {
+    let world = World::new(street());
+    let (mut map, config) = (LocalMap::whole(world.map.clone()), Config::default());
+    let fixes = simulate(&world.truth[..2], &config.gps, 1);
+    let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, &config);
+    for frame in 0..20 {
+        let features = world.features(frame);
+        let input = FrameInput { time_s: time_s(frame), features: &features, gps: fixes.get(frame), odometry: None };
+        tracker.step(&input).unwrap();
+    }
+    tracker.bank.truncate(1);
+    assert!(tracker.lead().is_infinite());
+    for behind in [30.0, 2.0, 7.0] {
+        let mut other = tracker.bank[0].clone();
+        other.log_weight -= behind;
+        tracker.bank.push(other);
+    }
+    assert!((tracker.lead() - 2.0).abs() < 1e-9, "{}", tracker.lead());
+    // An image that comes again confirms nothing.
+    tracker.bank.truncate(1);
+    let followed_s = tracker.unfollowed_s;
+    let features = world.features(19);
+    for frame in 20..24 {
+        let input = FrameInput { time_s: time_s(frame), features: &features, gps: None, odometry: None };
+        tracker.step(&input).unwrap();
+    }
+    assert!(followed_s < 1e-9 && tracker.unfollowed_s > 0.35, "{followed_s} {}", tracker.unfollowed_s);
+}

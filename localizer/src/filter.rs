@@ -145,7 +145,7 @@ impl State {
         let mut state = self.clone();
         state.speed_up(dt_s, motion);
         state.move_on(dt_s, motion);
-        state.roll_on_wheels(motion);
+        state.roll_on_wheels(dt_s, motion);
         state
     }
 
@@ -188,9 +188,12 @@ impl State {
             self.sharpen(i, resting);
             self.covariance[(i, i)] += motion.rest_sigma_rad * motion.rest_sigma_rad * (1.0 - resting * resting);
         }
+        let rolled_m_s = self.rolled_m_s(dt_s);
         for (i, axis) in motion.axes().into_iter().enumerate() {
             let kept = kept_after(dt_s, axis.memory_s);
-            self.velocity[i] *= kept;
+            // What turning and the mounting explain does not fade.
+            let lasting = if i == 0 { rolled_m_s } else { 0.0 };
+            self.velocity[i] = lasting + kept * (self.velocity[i] - lasting);
             self.sharpen(i + 6, kept);
             let density = axis.walk * axis.walk;
             self.covariance[(i, i)] += density * dt_s.powi(3) / 3.0;

@@ -46,25 +46,38 @@ impl State {
         let expected_rad_s = state.yaw_bias_rad_s - state.velocity[4];
         surprise += state.absorb(&row, shown.yaw_rate_rad_s - expected_rad_s, config.yaw_rate_sigma_rad_s);
         state.move_on(dt_s, &motion.driven(shown.speed_m_s.is_some()));
-        state.roll_on_wheels(motion);
+        state.roll_on_wheels(dt_s, motion);
         state.surprise += surprise;
         state
     }
 
     /// Takes in that an axle that does not steer goes where it points: the
     /// camera's velocity to the right is that of the lever's turning and of
-    /// the mounting, `v_x = l w + m v_z`, but for slip.
-    pub(super) fn roll_on_wheels(&mut self, motion: &MotionConfig) {
+    /// the mounting, but for slip. It is the mean over the last `dt_s`, along the
+    /// chord of the arc, in the axes of its beginning, against which the vehicle had
+    /// half turned: `v_x = l w + (m + w dt / 2) v_z`.
+    pub(super) fn roll_on_wheels(&mut self, dt_s: f64, motion: &MotionConfig) {
         let (speed_m_s, turn_rad_s) = (self.velocity[2], self.velocity[4]);
+        let ahead_m = self.ahead_m(dt_s);
         let mut row = VectorN::zeros();
         row[RIGHT] = 1.0;
-        row[YAW_RATE] = -self.lever_m;
+        row[YAW_RATE] = -ahead_m;
         row[LEVER] = -turn_rad_s;
-        row[FORWARD] = -self.mounting_rad;
+        row[FORWARD] = -self.mounting_rad - 0.5 * dt_s * turn_rad_s;
         row[MOUNTING] = -speed_m_s;
-        let expected_m_s = self.lever_m * turn_rad_s + self.mounting_rad * speed_m_s;
+        let expected_m_s = self.rolled_m_s(dt_s);
         let sigma_m_s = motion.slip_sigma_m_s.hypot(motion.slip_sigma_rad * speed_m_s);
         self.surprise += self.absorb(&row, expected_m_s - self.velocity[0], sigma_m_s);
+    }
+
+    /// How far ahead of the axle what the camera moves in `dt_s` turns about, metres.
+    fn ahead_m(&self, dt_s: f64) -> f64 {
+        self.lever_m + 0.5 * dt_s * self.velocity[2]
+    }
+
+    /// The velocity to the right of a camera whose axle goes where it points, m/s.
+    pub(super) fn rolled_m_s(&self, dt_s: f64) -> f64 {
+        self.ahead_m(dt_s) * self.velocity[4] + self.mounting_rad * self.velocity[2]
     }
 
     /// How far the pose is astray for the time being known to `variance_s2`
@@ -153,15 +166,17 @@ mod tests {
         let mut filter = state();
         filter.velocity = Tangent::new(0.0, 0.0, 12.0, 0.0, 0.3, 0.0);
         let (mut turning, mut truth) = (filter.clone(), filter.map_from_camera);
-        // The camera is 1.0 m ahead of the axle, and squints by 0.01 rad.
-        let twist = Tangent::new(0.3 * 1.0 + 0.01 * 12.0, 0.0, 12.0, 0.0, 0.3, 0.0);
+        // The camera is 1.0 m ahead of the axle, and squints by 0.01 rad; the chord of
+        // 0.1 s begins half of the turn beside the axle.
+        let ahead_m = |lever_m: f64| lever_m + 0.5 * 0.1 * 12.0;
+        let twist = Tangent::new(0.3 * ahead_m(1.0) + 0.01 * 12.0, 0.0, 12.0, 0.0, 0.3, 0.0);
         for _ in 0..200 {
             truth = retract(&truth, &(twist * 0.1));
             turning = turning.predicted(0.1, &motion);
             turning.update(&truth, &(Matrix6::identity() * 1e-4));
         }
-        // A bend tells their sum, v_x = l w + m v_z.
-        let sideways_m_s = turning.lever_m * 0.3 + turning.mounting_rad * 12.0;
+        // A bend tells their sum.
+        let sideways_m_s = ahead_m(turning.lever_m) * 0.3 + turning.mounting_rad * 12.0;
         assert!((sideways_m_s - twist[0]).abs() < 0.05, "{sideways_m_s}");
         assert!(turning.surprise < 1.0, "{}", turning.surprise);
         // Sliding on at 2 m/s more is nothing that a vehicle does.
@@ -170,6 +185,32 @@ mod tests {
         let off_m = local(&expected.map_from_camera, &slide)[0];
         let sigma_m = expected.covariance[(0, 0)].sqrt();
         assert!(off_m > 5.0 * sigma_m, "{off_m} m of {sigma_m} m");
+    }
+
+    #[test]
+    fn a_corner_ends_in_the_same_place_in_long_steps_and_in_short_ones() {
+        let (motion, config) = (MotionConfig::default(), OdometryConfig::default());
+        let (speed_m_s, turn_rad_s, lever_m) = (6.0, 0.4, motion.lever_m);
+        let shown = Odometry { speed_m_s: Some(speed_m_s), yaw_rate_rad_s: -turn_rad_s };
+        // From the camera back to the axle, which drives an arc, and to the camera again.
+        let axle = Tangent::new(0.0, 0.0, speed_m_s, 0.0, turn_rad_s, 0.0);
+        let ahead = Tangent::new(0.0, 0.0, lever_m, 0.0, 0.0, 0.0);
+        let begin = state();
+        let mut truth = retract(&begin.map_from_camera, &-ahead);
+        for _ in 0..3000 {
+            truth = retract(&truth, &(axle * 1e-3));
+        }
+        truth = retract(&truth, &ahead);
+        for (dt_s, most_m) in [(0.1, 0.1), (0.5, 0.5)] {
+            let mut filter = begin.clone();
+            filter.velocity = axle;
+            filter.velocity[0] = filter.rolled_m_s(dt_s);
+            for _ in 0..(3.0 / dt_s) as usize {
+                filter = filter.driven(dt_s, Some(&shown), &motion, &config);
+            }
+            let off = local(&truth, &filter.map_from_camera);
+            assert!(off.norm() < most_m, "{dt_s} s: {off}");
+        }
     }
 
     #[test]

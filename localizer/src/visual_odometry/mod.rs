@@ -190,9 +190,10 @@ impl VisualOdometer {
             let of_road = (point.y + self.pitch_rad) / self.camera_height_m;
             expected.at(point, (way_m * of_road.max(FAR_M.recip())).clamp(-MOST_SHARE, MOST_SHARE))
         });
-        // A camera ahead of the axle moves to the side that it turns to.
+        // A camera ahead of the axle moves to the side that it turns to, and the chord of
+        // an arc half of the turn to the side that it begins with.
         let step_m = least_way_m(way_m);
-        let aside = (config.lever_m * yaw / step_m).clamp(-0.3, 0.3);
+        let aside = ((config.lever_m / step_m + 0.5) * yaw).clamp(-0.3, 0.3);
         let [pitch_sigma, yaw_sigma, roll_sigma] = config.turn_sigma_rad;
         let bump = config.bump_sigma_m_s * dt_s / step_m.abs();
         let belief = Belief {

@@ -34,6 +34,17 @@ pub struct OdometryConfig {
     /// Change of scale and of bias within a minute, as shares of their
     /// standard deviations: temperature.
     pub drift_per_minute: f64,
+    /// Fastest change of speed that is believed, m/s^2: an emergency stop on dry asphalt
+    /// takes 10; wheels that lock or spin change by more.
+    pub hardest_m_s2: f64,
+    /// Fastest change of the yaw rate that is believed, rad/s^2: a car that swerves
+    /// takes 3; robots that turn on the spot need more.
+    pub hardest_rad_s2: f64,
+    /// Fastest yaw rate that is believed, rad/s: a robot that turns once a second.
+    pub most_yaw_rate_rad_s: f64,
+    /// Standard deviations, of what is tracked and of the odometry, by which the two may
+    /// differ beyond that.
+    pub believed_sigmas: f64,
 }
 
 impl Default for OdometryConfig {
@@ -45,6 +56,10 @@ impl Default for OdometryConfig {
             yaw_rate_sigma_rad_s: 0.01,
             yaw_bias_sigma_rad_s: 0.01,
             drift_per_minute: 0.1,
+            hardest_m_s2: 12.0,
+            hardest_rad_s2: 3.0,
+            most_yaw_rate_rad_s: 6.0,
+            believed_sigmas: 4.0,
         }
     }
 }
@@ -133,6 +148,14 @@ impl OdometryLog {
         if self.steps.last().is_none_or(|last| last.ended_s <= began_s) && began_s < ended_s {
             self.steps.push(Step { began_s, ended_s, mean });
         }
+    }
+
+    /// The same with another motion in each step, told by the time at which it ended,
+    /// seconds.
+    #[must_use]
+    pub fn changed(&self, change: impl Fn(f64, Odometry) -> Odometry) -> Self {
+        let steps = self.steps.iter().map(|step| Step { mean: change(step.ended_s, step.mean), ..*step }).collect();
+        Self { steps }
     }
 
     /// Whether it says nothing at all.

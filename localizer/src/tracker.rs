@@ -9,6 +9,7 @@
 
 mod anchor;
 mod bank;
+mod believed;
 mod clock;
 mod health;
 mod hypothesis;
@@ -122,8 +123,9 @@ impl<'a> Tracker<'a> {
         }
         self.clock.tick(dt_s, self.sight.shows_the_same, &self.config.clock);
         self.unfollowed_s += dt_s;
-        self.predict(dt_s, input.odometry.as_ref());
-        self.follow_region(dt_s, input)?;
+        let odometry = self.believed(dt_s, input.odometry);
+        self.predict(dt_s, odometry.as_ref());
+        self.follow_region(dt_s, &FrameInput { odometry, ..*input })?;
         self.observe(dt_s, input.gps)?;
         if self.sight.shows_nothing() {
             return Ok(self.speak(0.0));

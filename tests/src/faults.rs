@@ -11,7 +11,7 @@ mod tests;
 use clap::ValueEnum;
 use localizer::eval::FrameError;
 use localizer::features::Features;
-use localizer::odometry::OdometryLog;
+use localizer::odometry::{Odometry, OdometryLog};
 use localizer::run::{FrameFeatures, FrameResult};
 use localizer::watch::Delivery;
 use nalgebra::{UnitVector3, Vector3};
@@ -37,6 +37,11 @@ const BARE_EVERY_M: f64 = 150.0;
 /// degrees: the range that learned methods are trained for.
 const KIDNAPPED_M: f64 = 3.5;
 const KIDNAPPED_DEG: f64 = 17.0;
+/// What tells the motion is wrong for so many frames, from one on and again after so
+/// many.
+const TOLD_FRAMES: usize = 10;
+const FIRST_TOLD: usize = 30;
+const TOLD_EVERY: usize = 100;
 /// Every which frame is dropped or delivered twice.
 const EVERY_FIFTH: usize = 5;
 
@@ -91,6 +96,13 @@ pub enum Fault {
     /// As `clock`, by 25 ms.
     #[value(name = "clock-25")]
     Clock25,
+    /// Whatever tells the speed says for ten frames that the vehicle stands, from the
+    /// 31st on and again every 100: wheels lock, a plug is loose.
+    WheelsLocked,
+    /// It says twice the speed as often: wheels spin.
+    WheelsSpinning,
+    /// The gyroscope, or what tells the turn, says 1.5 rad/s too much as often.
+    GyroscopeOff,
     /// The first fix is 3.5 m and 17 degrees off and says so: two of its
     /// standard deviations.
     KidnappedStart,
@@ -164,6 +176,18 @@ impl Fault {
             Self::Stale => signals::hold_every(&mut trial, EVERY_FIFTH),
             Self::Clock => signals::jitter(&mut trial, 0.05),
             Self::Clock25 => signals::jitter(&mut trial, 0.025),
+            Self::WheelsLocked => {
+                let speed = |shown: Odometry| Odometry { speed_m_s: shown.speed_m_s.map(|_| 0.0), ..shown };
+                signals::change_motion(&mut trial, FIRST_TOLD, TOLD_FRAMES, TOLD_EVERY, speed);
+            }
+            Self::WheelsSpinning => {
+                let speed = |shown: Odometry| Odometry { speed_m_s: shown.speed_m_s.map(|m_s| 2.0 * m_s), ..shown };
+                signals::change_motion(&mut trial, FIRST_TOLD, TOLD_FRAMES, TOLD_EVERY, speed);
+            }
+            Self::GyroscopeOff => {
+                let turn = |shown: Odometry| Odometry { yaw_rate_rad_s: shown.yaw_rate_rad_s + 1.5, ..shown };
+                signals::change_motion(&mut trial, FIRST_TOLD, TOLD_FRAMES, TOLD_EVERY, turn);
+            }
             Self::KidnappedStart => {
                 let first = trial.frames.first().map(|seen| seen.frame);
                 trial.fixes.clear();

@@ -120,6 +120,8 @@ impl LookArgs {
             config: config.clone(),
         };
         let images = Some(images).filter(|_| wheels.is_none());
+        // Where wheels tell the motion, the images are not asked.
+        config.visual_odometry.is_on &= wheels.is_none();
         let input = self.input.read(&config, |_, _, _| Ok(()))?;
         // The map as a whole, for it may be moved; `read` saw that it is given.
         let map = self.input.map.as_ref().map(common::map::read).transpose()?.unwrap_or_default();

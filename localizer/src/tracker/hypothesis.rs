@@ -21,6 +21,9 @@ use crate::projection::View;
 use crate::solver::Prior;
 use crate::start::{is_alike, keep_on_road};
 
+/// Most speeds on each side of the mean that one of unknown speed is split into.
+const MOST_SPLITS: f64 = 50.0;
+
 /// One belief about where the camera is, and what speaks for it.
 #[derive(Debug, Clone)]
 pub struct Hypothesis {
@@ -147,7 +150,7 @@ impl Hypothesis {
     }
 
     /// In its first frame the speed of one that was just found is a guess.
-    fn knows_its_speed(&self) -> bool {
+    pub fn knows_its_speed(&self) -> bool {
         self.age_frames >= 2
     }
 
@@ -213,8 +216,10 @@ impl Hypothesis {
             return;
         }
         // Steps that the association bridges, over the speeds that may be.
-        let step_m_s = config.start.step_m / dt_s;
         let sigma_m_s = self.state.covariance[(8, 8)].max(0.0).sqrt();
+        // After a gap of minutes no number of them would do.
+        let coarsest_m_s = config.start.reach_sigmas * sigma_m_s / MOST_SPLITS;
+        let step_m_s = (config.start.step_m / dt_s).max(coarsest_m_s);
         let reach = (config.start.reach_sigmas * sigma_m_s / step_m_s - 0.5).ceil().max(0.0) as i32;
         let speeds: Vec<f64> = (-reach..=reach)
             .map(|i| self.state.velocity[2] + f64::from(i) * step_m_s)

@@ -9,6 +9,7 @@ use crate::testing::{IMAGE, Recipe, World, time_s};
 
 mod bank;
 mod trust;
+mod wheels;
 
 /// What happens to the drive besides its usual noise.
 struct Mishap<'a> {
@@ -22,6 +23,8 @@ struct Mishap<'a> {
     late_s: &'a dyn Fn(usize) -> f64,
     /// Wheels and a gyroscope tell the motion.
     has_wheels: bool,
+    /// What they show in a frame of that.
+    wheels: &'a dyn Fn(usize, Odometry) -> Odometry,
     /// Done to the tracker before a frame.
     before: &'a dyn Fn(usize, &mut Tracker<'_>),
 }
@@ -32,6 +35,7 @@ const NONE: Mishap<'_> = Mishap {
     shows: &|frame| frame,
     late_s: &|_| 0.0,
     has_wheels: false,
+    wheels: &|_, odometry| odometry,
     before: &|_, _| (),
 };
 
@@ -77,7 +81,7 @@ fn run_with(config: &Config, world: &World, gps: &GpsConfig, seed: u64, mishap: 
             features = Features { poles: poles.into_iter().collect(), ..Features::default() };
         }
         let time_s = time_s(frame) + (mishap.late_s)(frame);
-        let odometry = mishap.has_wheels.then(|| world.odometry(frame));
+        let odometry = mishap.has_wheels.then(|| (mishap.wheels)(frame, world.odometry(frame)));
         let input = FrameInput { time_s, features: &features, gps: fixes.get(frame), odometry };
         let estimate = tracker.step(&input).unwrap().unwrap();
         let off = local(&world.truth[shown], &estimate.map_from_camera);

@@ -170,6 +170,7 @@ impl Default for VisualOdometryConfig {
             yaw_rate_sigma_rad_s: 0.01,
             yaw_bias_sigma_rad_s: 0.001,
             drift_per_minute: 0.1,
+            ..OdometryConfig::default()
         };
         Self {
             is_on: true,

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use common::geometry::{Pose, PoseParameters};
 use localizer::gps::{GpsFix, simulate};
+use localizer::odometry::Odometry;
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use rand::RngExt;
 use rand_pcg::Pcg64;
@@ -76,6 +77,24 @@ pub(super) fn kidnap(trial: &mut Trial, frames: &[usize], off_m: f64, turn_rad: 
         };
         trial.fixes.insert(frame, fix);
     }
+}
+
+/// Changes what wheels and gyroscope, or the images, say of the motion in so many
+/// frames, from one on and again after so many.
+pub(super) fn change_motion(
+    trial: &mut Trial,
+    first: usize,
+    length: usize,
+    every: usize,
+    change: impl Fn(Odometry) -> Odometry,
+) {
+    let time_s = |index: usize| trial.frames.get(index).map_or(f64::INFINITY, |seen| seen.time_s);
+    let starts = (first..trial.frames.len()).step_by(every);
+    let stretches: Vec<[f64; 2]> = starts.map(|start| [time_s(start), time_s(start + length)]).collect();
+    trial.odometry = trial.odometry.changed(|ended_s, mean| {
+        let is_hit = stretches.iter().any(|[begin_s, end_s]| (*begin_s..*end_s).contains(&ended_s));
+        if is_hit { change(mean) } else { mean }
+    });
 }
 
 /// Drops every which frame.

@@ -38,7 +38,7 @@ pub struct OdometryConfig {
     /// takes 10; wheels that lock or spin change by more.
     pub hardest_m_s2: f64,
     /// Fastest change of the yaw rate that is believed, rad/s^2: a car that swerves
-    /// takes 3; robots that turn on the spot need more.
+    /// takes 3, and shakes as much; robots that turn on the spot need more.
     pub hardest_rad_s2: f64,
     /// Fastest yaw rate that is believed, rad/s: a robot that turns once a second.
     pub most_yaw_rate_rad_s: f64,
@@ -57,7 +57,7 @@ impl Default for OdometryConfig {
             yaw_bias_sigma_rad_s: 0.01,
             drift_per_minute: 0.1,
             hardest_m_s2: 12.0,
-            hardest_rad_s2: 3.0,
+            hardest_rad_s2: 6.0,
             most_yaw_rate_rad_s: 6.0,
             believed_sigmas: 4.0,
         }

@@ -160,7 +160,6 @@ impl<'a> Tracker<'a> {
             hypothesis.predict(dt_s, odometry, &self.config, &mut self.bank);
         }
         self.time_variance_s2 = self.clock.variance_s2();
-        self.bank.iter_mut().for_each(|hypothesis| hypothesis.state.doubt_time(self.time_variance_s2));
     }
 
     /// Keeps all hypotheses where a vehicle can be `dt_s` after the last frame,
@@ -191,7 +190,8 @@ impl<'a> Tracker<'a> {
         let centre = self.bank.first()?.state.map_from_camera;
         let mut reach = Reach { position_m: 0.0, angle_rad: 0.0 };
         for hypothesis in &self.bank {
-            let own = Reach::of_covariance(&hypothesis.state.pose_covariance());
+            let state = &hypothesis.state;
+            let own = Reach::of_covariance(&(state.pose_covariance() + state.time_covariance(self.time_variance_s2)));
             let pose = &hypothesis.state.map_from_camera;
             let off_m = (pose.translation.vector - centre.translation.vector).norm();
             reach.position_m = reach.position_m.max(off_m + own.position_m);

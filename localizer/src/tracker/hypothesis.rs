@@ -302,7 +302,8 @@ impl Hypothesis {
     /// Associates and localizes in the scene, and weighs the result. Matches
     /// that are not worth the motion that they ask for are not believed: then
     /// the prediction stands, and the pose they ask for is returned, to be
-    /// tracked as a jump. The time of the scene was doubted by `time_variance_s2`.
+    /// tracked as a jump. The time of the scene is doubted by `time_variance_s2`: of
+    /// one that tells nothing, nothing of that stays, for times that are off do not add up.
     pub fn observe(
         &mut self,
         scene: &Scene<'_>,
@@ -311,12 +312,12 @@ impl Hypothesis {
         config: &Config,
     ) -> Option<Refined> {
         self.correspondences.clear();
-        let covariance = self.state.pose_covariance();
         let predicted = self.state.map_from_camera;
         self.predicted.clone_from(&self.state);
+        self.predicted.doubt_time(time_variance_s2);
+        let covariance = self.predicted.pose_covariance();
         // Who is fast is not lost because it is not known when the image was taken.
-        let at_its_time = covariance - self.state.time_covariance(time_variance_s2);
-        if horizontal_sigma_m(&at_its_time) > config.health.lost_sigma_m {
+        if horizontal_sigma_m(&self.state.pose_covariance()) > config.health.lost_sigma_m {
             // So far it was nowhere: what is found now is as good as found anew.
             (self.age_frames, self.led_frames) = (0, 0);
         }
@@ -339,7 +340,8 @@ impl Hypothesis {
             return (refined.matches > 0).then_some(refined);
         }
         self.take(&refined, refined.prior_cost + unlikely);
-        self.interval = self.knows_its_speed().then(|| Interval::new(&self.state, &refined));
+        self.interval = self.knows_its_speed().then(|| Interval::new(&self.predicted, &refined));
+        self.state.doubt_time(time_variance_s2);
         self.state.update(&refined.map_from_camera, &refined.covariance);
         if refined.worth >= config.health.min_worth {
             self.weak_frames = 0;

@@ -45,6 +45,9 @@ pub struct OdometryConfig {
     /// Standard deviations, of what is tracked and of the odometry, by which the two may
     /// differ beyond that.
     pub believed_sigmas: f64,
+    /// For so long what was not believed is held against what was known when that began,
+    /// seconds: a skid takes one or two.
+    pub refused_s: f64,
 }
 
 impl Default for OdometryConfig {
@@ -60,6 +63,7 @@ impl Default for OdometryConfig {
             hardest_rad_s2: 6.0,
             most_yaw_rate_rad_s: 6.0,
             believed_sigmas: 4.0,
+            refused_s: 3.0,
         }
     }
 }

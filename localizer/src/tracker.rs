@@ -20,6 +20,7 @@ mod rivals;
 mod sight;
 
 pub use bank::BankConfig;
+use believed::Doubts;
 pub use clock::ClockConfig;
 use clock::{Clock, Interval};
 pub use health::HealthConfig;
@@ -67,6 +68,8 @@ pub struct Tracker<'a> {
     /// The buffer that the bank is moved to next.
     spare: Vec<Hypothesis>,
     last_time_s: Option<f64>,
+    /// What of the odometry was not believed.
+    doubts: Doubts,
     /// Where the camera must be by GPS and by the last trusted pose.
     region: Region,
     /// How well the times of the images are kept.
@@ -95,6 +98,7 @@ impl<'a> Tracker<'a> {
             bank: Vec::new(),
             spare: Vec::new(),
             last_time_s: None,
+            doubts: Doubts::default(),
             region: Region::default(),
             clock: Clock::default(),
             time_variance_s2: 0.0,

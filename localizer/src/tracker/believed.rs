@@ -6,36 +6,81 @@ use super::hypothesis::Hypothesis;
 use crate::filter::State;
 use crate::odometry::{Odometry, OdometryConfig};
 
+/// What was not believed of a sensor the last time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Refused {
+    /// How well that was known when it began, m/s or rad/s: what is not told is known
+    /// ever less well, and a sensor that is wrong does not get better by that.
+    sigma: f64,
+    /// For how long, seconds.
+    for_s: f64,
+}
+
+/// What speed and turn rate were refused as.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Doubts {
+    speed: Option<Refused>,
+    turn: Option<Refused>,
+}
+
+/// Something that is shown, and what is expected.
+struct Shown {
+    off: f64,
+    /// Standard deviation of what is expected.
+    sigma: f64,
+    /// That of the sensor.
+    sensor_sigma: f64,
+    /// By how much it can have changed.
+    hardest: f64,
+}
+
+impl Shown {
+    /// Whether it can be, after what was `refused` the last time.
+    fn is_believed(&self, refused: &mut Option<Refused>, dt_s: f64, config: &OdometryConfig) -> bool {
+        let before = refused.filter(|refused| refused.for_s < config.refused_s);
+        let sigma = before.map_or(self.sigma, |before| before.sigma.min(self.sigma));
+        let may_be = self.off.abs() <= self.hardest * dt_s + config.believed_sigmas * sigma.hypot(self.sensor_sigma);
+        let for_s = refused.map_or(0.0, |before| before.for_s) + dt_s;
+        *refused = (!may_be).then_some(Refused { sigma, for_s });
+        may_be
+    }
+}
+
 impl Tracker<'_> {
     /// What of the motion of the last `dt_s` can have followed what is tracked; all that
     /// vehicles do where nothing is, or its speed is not known yet.
-    pub(super) fn believed(&self, dt_s: f64, shown: Option<Odometry>) -> Option<Odometry> {
+    pub(super) fn believed(&mut self, dt_s: f64, shown: Option<Odometry>) -> Option<Odometry> {
         let (config, bank) = (&self.config.odometry, &self.config.bank);
-        let tracked = self.bank.first().filter(|best| best.knows_its_speed()).map(|best: &Hypothesis| &best.state);
-        let shown = shown.filter(|shown| {
-            shown.yaw_rate_rad_s.abs() <= config.most_yaw_rate_rad_s
-                && tracked.is_none_or(|state| state.may_turn(dt_s, shown.yaw_rate_rad_s, config))
-        })?;
+        let best = self.bank.first().filter(|best| best.knows_its_speed());
+        let tracked = best.map(|best: &Hypothesis| &best.state);
+        let shown = shown.filter(|shown| shown.yaw_rate_rad_s.abs() <= config.most_yaw_rate_rad_s)?;
+        let turn = tracked.map(|state| state.shown_turn(shown.yaw_rate_rad_s, config));
+        let turns = turn.is_none_or(|turn| turn.is_believed(&mut self.doubts.turn, dt_s, config));
         let speed_m_s = shown.speed_m_s.filter(|speed_m_s| {
+            let speed = tracked.map(|state| state.shown_speed(*speed_m_s, config));
             (-bank.max_speed_m_s..=bank.max_speed_m_s).contains(speed_m_s)
-                && tracked.is_none_or(|state| state.may_drive(dt_s, *speed_m_s, config))
+                && speed.is_none_or(|speed| speed.is_believed(&mut self.doubts.speed, dt_s, config))
         });
-        Some(Odometry { speed_m_s, ..shown })
+        turns.then_some(Odometry { speed_m_s, ..shown })
     }
 }
 
 impl State {
-    /// Whether wheels can show this speed `dt_s` later.
-    fn may_drive(&self, dt_s: f64, shown_m_s: f64, config: &OdometryConfig) -> bool {
-        let off_m_s = shown_m_s - self.velocity[2] * (1.0 + self.wheel_scale);
-        let sigma_m_s = self.covariance[(8, 8)].max(0.0).sqrt().hypot(config.sigma_of(shown_m_s));
-        off_m_s.abs() <= config.hardest_m_s2 * dt_s + config.believed_sigmas * sigma_m_s
+    fn shown_speed(&self, shown_m_s: f64, config: &OdometryConfig) -> Shown {
+        Shown {
+            off: shown_m_s - self.velocity[2] * (1.0 + self.wheel_scale),
+            sigma: self.covariance[(8, 8)].max(0.0).sqrt(),
+            sensor_sigma: config.sigma_of(shown_m_s),
+            hardest: config.hardest_m_s2,
+        }
     }
 
-    /// Whether a gyroscope can show this turn rate `dt_s` later.
-    fn may_turn(&self, dt_s: f64, shown_rad_s: f64, config: &OdometryConfig) -> bool {
-        let off_rad_s = shown_rad_s - (self.yaw_bias_rad_s - self.velocity[4]);
-        let sigma_rad_s = self.covariance[(10, 10)].max(0.0).sqrt().hypot(config.yaw_rate_sigma_rad_s);
-        off_rad_s.abs() <= config.hardest_rad_s2 * dt_s + config.believed_sigmas * sigma_rad_s
+    fn shown_turn(&self, shown_rad_s: f64, config: &OdometryConfig) -> Shown {
+        Shown {
+            off: shown_rad_s - (self.yaw_bias_rad_s - self.velocity[4]),
+            sigma: self.covariance[(10, 10)].max(0.0).sqrt(),
+            sensor_sigma: config.yaw_rate_sigma_rad_s,
+            hardest: config.hardest_rad_s2,
+        }
     }
 }

@@ -66,7 +66,10 @@ pub fn clean() -> Trial {
     let truth: Vec<Pose> = (0..300).map(|i| Isometry3::translation(2.0, 0.0, f64::from(i))).collect();
     let fixes = (0..2).zip(simulate(&truth[..2], &GpsConfig::default(), 0)).collect();
     let mut odometry = OdometryLog::default();
-    odometry.push(0.0, 30.0, Odometry { speed_m_s: Some(10.0), yaw_rate_rad_s: 0.0 });
+    for i in 0..300 {
+        let [began_s, ended_s] = [i, i + 1].map(|i| f64::from(i) * 0.1);
+        odometry.push(began_s, ended_s, Odometry { speed_m_s: Some(10.0), yaw_rate_rad_s: 0.0 });
+    }
     let foot_map = Point3::new(5.0, 1.6, 250.0);
     let pole =
         Pole { kind: PoleKind::LampPost, foot_map, top_map: foot_map - Vector3::new(0.0, 6.0, 0.0), road: RoadId(0) };

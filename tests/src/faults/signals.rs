@@ -89,10 +89,11 @@ pub(super) fn change_motion(
     change: impl Fn(Odometry) -> Odometry,
 ) {
     let time_s = |index: usize| trial.frames.get(index).map_or(f64::INFINITY, |seen| seen.time_s);
-    let starts = (first..trial.frames.len()).step_by(every);
-    let stretches: Vec<[f64; 2]> = starts.map(|start| [time_s(start), time_s(start + length)]).collect();
+    // From the frame before the first of them to the last.
+    let befores = (first.saturating_sub(1)..trial.frames.len()).step_by(every);
+    let stretches: Vec<[f64; 2]> = befores.map(|before| [time_s(before), time_s(before + length)]).collect();
     trial.odometry = trial.odometry.changed(|ended_s, mean| {
-        let is_hit = stretches.iter().any(|[begin_s, end_s]| (*begin_s..*end_s).contains(&ended_s));
+        let is_hit = stretches.iter().any(|[begin_s, end_s]| *begin_s < ended_s && ended_s <= *end_s);
         if is_hit { change(mean) } else { mean }
     });
 }

@@ -223,3 +223,17 @@ fn the_kidnapped_are_told_a_place_beside() {
         assert!((2.0 * sigma_rad - yaw_rad.abs()).abs() < 1e-9 && (fix.horizontal_sigma_m - 1.75).abs() < 1e-9);
     }
 }
+
+#[test]
+fn wheels_lock_and_gyroscopes_are_off_for_ten_frames_of_a_hundred() {
+    let clean = clean();
+    let shown = |fault: Fault, frame: usize| {
+        let trial = fault.applied(&clean, 1).trial;
+        let [before_s, at_s] = [frame - 1, frame].map(|frame| trial.frames[frame].time_s);
+        trial.odometry.between(before_s, at_s).unwrap()
+    };
+    let speed_m_s = |frame| shown(Fault::WheelsLocked, frame).speed_m_s.unwrap();
+    assert_eq!([29, 30, 39, 40, 130, 140].map(|frame| speed_m_s(frame) > 5.0), [true, false, false, true, false, true]);
+    assert!((shown(Fault::WheelsSpinning, 35).speed_m_s.unwrap() - 20.0).abs() < 1e-6);
+    assert!((shown(Fault::GyroscopeOff, 35).yaw_rate_rad_s - 1.5).abs() < 1e-6);
+}

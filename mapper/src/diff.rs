@@ -4,6 +4,7 @@ mod lines;
 
 use std::fmt::Write as _;
 
+use common::config::{Limits, limits};
 use common::map::{SemanticMap, SignKind};
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
@@ -41,6 +42,16 @@ impl Default for DiffConfig {
         }
     }
 }
+
+/// What the numbers of [`DiffConfig`] may be.
+pub const LIMITS: &[Limits] = &[
+    limits("same_m", 0.0, 100.0),
+    limits("*moved_m", 0.0, 100.0),
+    limits("shortest_m", 0.0, 1e6),
+    limits("roads.step_m", 0.1, 100.0),
+    limits("roads.angle_rad", 0.0, 3.2),
+    limits("roads.*_m", 0.0, 1000.0),
+];
 
 /// How something differs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]

@@ -2,6 +2,7 @@
 
 use std::ops::RangeInclusive;
 
+use common::config::{Limits, limits};
 use serde::{Deserialize, Serialize};
 
 use crate::fuse::FuseConfig;
@@ -19,6 +20,27 @@ pub struct MergeConfig {
     /// When two paths are one road.
     pub roads: SameRoadConfig,
 }
+
+/// What the numbers of [`MergeConfig`] may be: by steps and standard deviations
+/// is divided, and time grows with reaches.
+pub const LIMITS: &[Limits] = &[
+    limits("align.reach_m", 0.0, 20.0),
+    limits("align.node_m", 1.0, 1000.0),
+    limits("align.window_m", 1.0, 1000.0),
+    limits("align.lane_step_m", 0.5, 100.0),
+    limits("align.fewest_*", 1.0, 1e6),
+    limits("align.least_lead", 1.0, 1e6),
+    limits("align.least_shared", 0.0, 1.0),
+    limits("align.*sigma_m", 1e-4, 1000.0),
+    limits("align.*sigma_rad", 1e-6, 10.0),
+    limits("fuse.lane_step_m", 0.1, 50.0),
+    limits("fuse.lane_angle_rad", 0.0, 3.2),
+    limits("fuse.*_m", 0.0, 100.0),
+    limits("witness.*_m", 0.0, 1000.0),
+    limits("roads.step_m", 0.1, 100.0),
+    limits("roads.angle_rad", 0.0, 3.2),
+    limits("roads.*_m", 0.0, 1000.0),
+];
 
 /// How maps of one area are aligned: each by small corrections of place and
 /// heading along its roads.

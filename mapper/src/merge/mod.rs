@@ -33,7 +33,7 @@ use common::map::{MAX_NOTE_BYTES, Pole, Road, RoadId, SemanticMap, Sign};
 use nalgebra::Point3;
 
 pub use align::State;
-pub use config::{AlignConfig, MergeConfig, SameRoadConfig, WitnessConfig};
+pub use config::{AlignConfig, LIMITS, MergeConfig, SameRoadConfig, WitnessConfig};
 pub use report::{Counts, MergeReport, SourceReport};
 pub use roads::{Nearest, added_roads};
 pub use source::{Source, Sources, path_beside};

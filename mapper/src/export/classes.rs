@@ -1,6 +1,7 @@
 //! The class of a point of the stitched cloud, and the points of a window as
 //! columns.
 
+use common::geometry::{distance_from_above_m, distance_to_segment};
 use common::map::{LaneLine, Pole, PoleKind, Sign, SignKind};
 use nalgebra::Point3;
 use pasture_core::containers::HashMapBuffer;
@@ -103,19 +104,11 @@ fn is_on_sign(p: &Point3<f64>, sign: &Sign) -> bool {
 }
 
 fn is_on_pole(p: &Point3<f64>, pole: &Pole) -> bool {
-    distance_to_segment(p, &pole.foot_map, &pole.top_map) <= POLE_RADIUS_M
+    distance_to_segment(p, [&pole.foot_map, &pole.top_map]) <= POLE_RADIUS_M
 }
 
 fn is_on_lane(p: &Point3<f64>, lane: &LaneLine, half_line_m: f64) -> bool {
-    let flat = |q: &Point3<f64>| Point3::new(q.x, 0.0, q.z);
-    lane.points_map.windows(2).any(|w| distance_to_segment(&flat(p), &flat(&w[0]), &flat(&w[1])) <= half_line_m)
-}
-
-pub(super) fn distance_to_segment(p: &Point3<f64>, a: &Point3<f64>, b: &Point3<f64>) -> f64 {
-    let along = b - a;
-    let length2 = along.norm_squared();
-    let share = if length2 > 0.0 { ((p - a).dot(&along) / length2).clamp(0.0, 1.0) } else { 0.0 };
-    (p - (a + along * share)).norm()
+    distance_from_above_m(p, &lane.points_map) <= half_line_m
 }
 
 #[cfg(test)]

@@ -1,10 +1,11 @@
 //! Which landmark of a map a point lies on.
 
+use common::geometry::distance_to_segment;
 use common::map::{Numbering, SemanticMap};
 use nalgebra::Point3;
 use rustc_hash::FxHashMap;
 
-use super::classes::{LANE_PAINT, POLE, POLE_RADIUS_M, SIGN, SIGN_MARGIN_M, distance_to_segment};
+use super::classes::{LANE_PAINT, POLE, POLE_RADIUS_M, SIGN, SIGN_MARGIN_M};
 
 /// Side of a cell in which landmarks are looked up, metres.
 const CELL_M: f64 = 4.0;
@@ -87,7 +88,7 @@ impl Parts {
         let mut best = (f64::INFINITY, 0);
         for index in self.by_cell.get(&(cell(at.x), cell(at.z))).into_iter().flatten() {
             let Some(part) = self.parts.get(*index as usize) else { continue };
-            let distance_m = distance_to_segment(at, &part.ends[0], &part.ends[1]);
+            let distance_m = distance_to_segment(at, [&part.ends[0], &part.ends[1]]);
             if distance_m <= part.radius_m && distance_m < best.0 {
                 best = (distance_m, part.number);
             }

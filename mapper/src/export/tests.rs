@@ -33,7 +33,7 @@ fn map() -> SemanticMap {
 }
 
 fn wgs84() -> Frame {
-    Frame::wgs84("49.0337,8.395,114,62".parse().unwrap())
+    Frame::wgs84("49.0337,8.395,114,62".parse().unwrap(), Projection::Topocentric)
 }
 
 /// Elements of an OSM file with their attributes and tags.

@@ -62,7 +62,7 @@ pub fn write_seek_with<E: From<Error>>(
 }
 
 /// The folder that a file is, or would be, in.
-pub(crate) fn folder_of(path: &Path) -> &Path {
+pub fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),

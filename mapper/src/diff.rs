@@ -1,13 +1,17 @@
 //! What changed from one map to another.
 
+mod lines;
+
 use std::fmt::Write as _;
 
+use common::config::{Limits, limits};
 use common::map::{SemanticMap, SignKind};
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
-use crate::fuse::{Buckets, NEVER_DOUBLE_M, Place, cluster, length_m};
+use crate::fuse::{NEVER_DOUBLE_M, Place, cluster, length_m};
 use crate::merge::{SameRoadConfig, added_roads};
+use lines::Lines;
 
 /// When landmarks of two maps are the same.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -20,7 +24,8 @@ pub struct DiffConfig {
     pub moved_m: f64,
     /// The same for lane lines, metres across: half a lane.
     pub lane_moved_m: f64,
-    /// Shortest part of a lane line that counts as added or removed, metres.
+    /// Shortest part of a lane line that counts as added, removed or of another
+    /// kind, metres.
     pub shortest_m: f64,
     /// When two paths are one road.
     pub roads: SameRoadConfig,
@@ -37,6 +42,16 @@ impl Default for DiffConfig {
         }
     }
 }
+
+/// What the numbers of [`DiffConfig`] may be.
+pub const LIMITS: &[Limits] = &[
+    limits("same_m", 0.0, 100.0),
+    limits("*moved_m", 0.0, 100.0),
+    limits("shortest_m", 0.0, 1e6),
+    limits("roads.step_m", 0.1, 100.0),
+    limits("roads.angle_rad", 0.0, 3.2),
+    limits("roads.*_m", 0.0, 1000.0),
+];
 
 /// How something differs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -64,7 +79,8 @@ pub struct Difference {
     pub at_map_m: [f64; 3],
     /// How far it moved (lines: across), metres; 0 for what did not.
     pub moved_m: f64,
-    /// Length of the line or road that was added, removed or moved, metres.
+    /// Length of the line or road that was added, removed or moved, or of the
+    /// line that is of another kind, metres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub length_m: Option<f64>,
     /// What it was before, where its kind differs.
@@ -79,7 +95,8 @@ pub struct MapDiff {
     pub differences: Vec<Difference>,
     /// Poles and signs that are where they were.
     pub same: usize,
-    /// Length of the lane lines that are where they were, metres.
+    /// Length of the lane lines that are where they were and of the kind that
+    /// they were, metres.
     pub same_lanes_m: f64,
 }
 
@@ -155,6 +172,13 @@ impl MapDiff {
         self.differences.push(Difference { change, what, at_map_m, moved_m, length_m, was: None });
     }
 
+    fn add_kind(&mut self, what: &str, was: &str, at: &Point3<f64>, length_m: Option<f64>) {
+        self.add(Change::Kind, what, at, 0.0, length_m);
+        if let Some(last) = self.differences.last_mut() {
+            last.was = Some(was.to_owned());
+        }
+    }
+
     fn points(&mut self, old: &[Point], new: &[Point], config: &DiffConfig) {
         let place = |pass| move |point: &Point| Place { point_map: point.1, pass, class: 0 };
         let places: Vec<Place> = old.iter().map(place(0)).chain(new.iter().map(place(1))).collect();
@@ -170,10 +194,7 @@ impl MapDiff {
                         self.add(Change::Moved, after.0, &after.1, moved_m, None);
                     }
                     if before.0 != after.0 {
-                        self.add(Change::Kind, after.0, &after.1, 0.0, None);
-                        if let Some(last) = self.differences.last_mut() {
-                            last.was = Some(before.0.to_owned());
-                        }
+                        self.add_kind(after.0, before.0, &after.1, None);
                     }
                     self.same += usize::from(moved_m <= config.same_m && before.0 == after.0);
                 }
@@ -184,21 +205,30 @@ impl MapDiff {
 
     fn lanes(&mut self, old: &SemanticMap, new: &SemanticMap, config: &DiffConfig) {
         let (in_old, in_new) = (Lines::new(old), Lines::new(new));
-        for run in in_old.compared_with(&in_new, config) {
-            if run.moved_m.is_none() && run.length_m >= config.shortest_m {
-                self.add(Change::Removed, run.kind, &run.middle, 0.0, Some(run.length_m));
+        for line in in_old.compared_with(&in_new, config) {
+            for run in line.runs() {
+                if run.moved_m.is_none() && run.length_m >= config.shortest_m {
+                    self.add(Change::Removed, line.kind, &run.middle, 0.0, Some(run.length_m));
+                }
             }
         }
-        for run in in_new.compared_with(&in_old, config) {
-            match run.moved_m {
-                None if run.length_m >= config.shortest_m => {
-                    self.add(Change::Added, run.kind, &run.middle, 0.0, Some(run.length_m));
+        for line in in_new.compared_with(&in_old, config) {
+            for run in line.runs() {
+                match run.moved_m {
+                    None if run.length_m >= config.shortest_m => {
+                        self.add(Change::Added, line.kind, &run.middle, 0.0, Some(run.length_m));
+                    }
+                    Some(moved_m) if moved_m > config.same_m => {
+                        self.add(Change::Moved, line.kind, &run.middle, moved_m, Some(run.length_m));
+                    }
+                    Some(_) => self.same_lanes_m += run.same_kind_m,
+                    None => {}
                 }
-                Some(moved_m) if moved_m > config.same_m => {
-                    self.add(Change::Moved, run.kind, &run.middle, moved_m, Some(run.length_m));
+            }
+            for (run, was) in line.runs_of_another_kind() {
+                if run.length_m >= config.shortest_m {
+                    self.add_kind(line.kind, was, &run.middle, Some(run.length_m));
                 }
-                Some(_) => self.same_lanes_m += run.length_m,
-                None => {}
             }
         }
     }
@@ -214,94 +244,6 @@ fn poles(map: &SemanticMap) -> Vec<Point> {
 fn signs(map: &SemanticMap, kind: SignKind) -> Vec<Point> {
     let of_kind = map.signs.iter().filter(|sign| sign.kind == kind);
     of_kind.map(|sign| (kind.name(), sign.centroid_map)).collect()
-}
-
-/// Distance of the samples of lane lines, metres.
-const SAMPLE_M: f64 = 0.5;
-/// Longest piece of a line that is kept under its middle, metres.
-const PIECE_M: f64 = 4.0;
-
-/// The lane lines of a map, for asking what runs beside a point.
-struct Lines {
-    whole: Vec<(&'static str, Vec<Point3<f64>>)>,
-    pieces: Vec<[Point3<f64>; 2]>,
-    buckets: Buckets,
-}
-
-/// A part of a line that has, or has not, a line of the other map beside it.
-struct Run {
-    kind: &'static str,
-    middle: Point3<f64>,
-    length_m: f64,
-    /// Mean distance from the other map's line, metres.
-    moved_m: Option<f64>,
-}
-
-impl Lines {
-    fn new(map: &SemanticMap) -> Self {
-        let mut lines = Self { whole: Vec::new(), pieces: Vec::new(), buckets: Buckets::new(PIECE_M) };
-        for lane in &map.lanes {
-            lines.whole.push((lane.kind.name(), lane.points_map.clone()));
-            for ends in split(&lane.points_map, PIECE_M).windows(2) {
-                lines.buckets.add(&nalgebra::center(&ends[0], &ends[1]), lines.pieces.len());
-                lines.pieces.push([ends[0], ends[1]]);
-            }
-        }
-        lines
-    }
-
-    /// Distance of the nearest line that runs the same way, metres.
-    fn beside_m(&self, point: &Point3<f64>, along: &nalgebra::Vector3<f64>, within_m: f64) -> Option<f64> {
-        let near = self.buckets.near(point, within_m + 0.5 * PIECE_M);
-        let distances = near.filter_map(|index| {
-            let [a, b] = self.pieces[index];
-            let way = b - a;
-            let share = ((point - a).dot(&way) / way.norm_squared()).clamp(0.0, 1.0);
-            let distance_m = (a + way * share - point).norm();
-            // Within about 30 degrees.
-            let is_parallel = way.normalize().dot(along).abs() > 0.85;
-            (distance_m <= within_m && is_parallel).then_some(distance_m)
-        });
-        distances.min_by(f64::total_cmp)
-    }
-
-    fn compared_with(&self, other: &Self, config: &DiffConfig) -> Vec<Run> {
-        let mut runs = Vec::new();
-        for (kind, line) in &self.whole {
-            let points = split(line, SAMPLE_M);
-            let samples: Vec<(Point3<f64>, f64, Option<f64>)> = points
-                .windows(2)
-                .map(|pair| {
-                    let (middle, way) = (nalgebra::center(&pair[0], &pair[1]), pair[1] - pair[0]);
-                    (middle, way.norm(), other.beside_m(&middle, &way.normalize(), config.lane_moved_m))
-                })
-                .collect();
-            for same in samples.chunk_by(|a, b| a.2.is_some() == b.2.is_some()) {
-                let distances: Vec<f64> = same.iter().filter_map(|sample| sample.2).collect();
-                runs.push(Run {
-                    kind,
-                    middle: same[same.len() / 2].0,
-                    length_m: same.iter().map(|sample| sample.1).sum(),
-                    moved_m: (!distances.is_empty()).then(|| distances.iter().sum::<f64>() / distances.len() as f64),
-                });
-            }
-        }
-        runs
-    }
-}
-
-/// The vertices of a line and points between them, at most `step_m` apart;
-/// none twice.
-fn split(line: &[Point3<f64>], step_m: f64) -> Vec<Point3<f64>> {
-    let mut points: Vec<Point3<f64>> = line.first().copied().into_iter().collect();
-    for pair in line.windows(2) {
-        let way = pair[1] - pair[0];
-        if way.norm() > 1e-6 {
-            let count = (way.norm() / step_m).ceil().clamp(1.0, 1e6);
-            points.extend((1..=count as usize).map(|k| pair[0] + way * (k as f64 / count)));
-        }
-    }
-    points
 }
 
 #[cfg(test)]
@@ -379,6 +321,36 @@ mod tests {
         assert_eq!(changes(&new), [(Change::Moved, "solid-line".into(), 0.4)]);
         new.lanes[0].points_map.reverse();
         assert_eq!(changes(&new), [(Change::Moved, "solid-line".into(), 0.4)]);
+    }
+
+    #[test]
+    fn a_line_of_another_kind_is_a_difference_for_as_far_as_it_is() {
+        let mut new = map();
+        new.lanes[0].kind = LaneKind::Dashed;
+        let diff = MapDiff::of(&map(), &new, &DiffConfig::default());
+        assert_eq!(changes(&new), [(Change::Kind, "dashed-line".into(), 0.0)]);
+        assert!(diff.text().contains("100.0 m long  was solid-line"), "{}", diff.text());
+        assert!(diff.same_lanes_m.abs() < 1e-9);
+        // Solid again from 30 m on.
+        new.lanes.push(map().lanes[0].clone());
+        new.lanes[0].points_map[1].z = 30.0;
+        new.lanes[1].points_map[0].z = 30.0;
+        let diff = MapDiff::of(&map(), &new, &DiffConfig::default());
+        assert_eq!(changes(&new), [(Change::Kind, "dashed-line".into(), 0.0)]);
+        assert!((diff.differences[0].length_m.unwrap() - 30.0).abs() < 1.0, "{}", diff.text());
+        assert!((diff.same_lanes_m - 70.0).abs() < 1.0);
+    }
+
+    #[test]
+    fn the_lines_of_a_double_line_are_told_apart_by_their_kinds() {
+        let mut old = map();
+        old.lanes.push(old.lanes[0].clone());
+        old.lanes[1].kind = LaneKind::Dashed;
+        old.lanes[1].points_map.iter_mut().for_each(|point| point.x += 0.15);
+        let mut new = old.clone();
+        new.lanes.iter_mut().flat_map(|lane| &mut lane.points_map).for_each(|point| point.x += 0.09);
+        let diff = MapDiff::of(&old, &new, &DiffConfig::default());
+        assert!(diff.is_empty(), "{}", diff.text());
     }
 
     #[test]

@@ -37,11 +37,6 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// The moments of one point.
-    pub fn of_point(point: Point3<f64>) -> Self {
-        Self { count: 1.0, mean: point, scatter: Matrix3::zeros() }
-    }
-
     /// The moments of both sets together (Chan, Golub and Le Veque 1979).
     #[must_use]
     pub fn merged(&self, other: &Self) -> Self {

@@ -5,6 +5,7 @@
 //! [`RawDrive`] reads the layout of the raw recordings.
 
 mod calibration;
+mod mercator;
 mod oxts;
 mod raw;
 mod scan;
@@ -13,6 +14,7 @@ mod sequence;
 mod tests;
 
 pub use calibration::{Calibration, write_calibration};
+pub use mercator::Mercator;
 pub use oxts::Packet;
 pub use raw::{RawDrive, RawSurvey};
 pub use scan::{Scan, ScanPoint, read_scan, write_scan};

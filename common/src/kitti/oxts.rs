@@ -1,18 +1,16 @@
 //! Packets of the navigation unit of KITTI's raw recordings, and the poses
 //! that its development kit makes of them.
 
-use std::f64::consts::FRAC_PI_4;
 use std::path::Path;
 
 use nalgebra::{Translation3, UnitQuaternion};
 
+use super::mercator::Mercator;
 use crate::geometry::Pose;
 use crate::{Error, Result, text};
 
 /// Numbers of a packet.
 const NUMBERS: usize = 30;
-/// Radius of the development kit's sphere, metres: the Earth's at the equator.
-const EARTH_RADIUS_M: f64 = 6_378_137.0;
 /// Farthest place from the equator, degrees: towards the poles Mercator's
 /// ordinate grows without end, and the usual maps stop here.
 const MAX_LATITUDE_DEG: f64 = 85.0;
@@ -63,32 +61,22 @@ impl Packet {
     }
 }
 
-/// `enu_from_unit` of packets, metres east, north and up of the first: the
-/// Mercator projection of a sphere, true at the latitude of the first packet,
-/// and `R = Rz(yaw) Ry(pitch) Rx(roll)`, as in the development kit
-/// (`convertOxtsToPose.m`), which leaves the origin at 0 N 0 E.
-///
-/// It is no map of the ellipsoid: at 49 degrees it is 0.2 % short in the east
-/// and 0.1 % long in the north.
+/// `enu_from_unit` of packets, metres east, north and up of the first in
+/// [`Mercator`]'s projection around it, and `R = Rz(yaw) Ry(pitch) Rx(roll)`, as
+/// in the development kit (`convertOxtsToPose.m`).
 pub(super) fn mercator_poses(packets: &[Packet]) -> Vec<Pose> {
     let Some(first) = packets.first() else { return Vec::new() };
-    let radius_m = EARTH_RADIUS_M * first.latitude_deg.to_radians().cos();
+    let projection = Mercator::around(first.latitude_deg, first.longitude_deg);
     packets
         .iter()
         .map(|p| {
-            let east_m = radius_m * (p.longitude_deg - first.longitude_deg).to_radians();
-            let north_m = radius_m * (ordinate(p.latitude_deg) - ordinate(first.latitude_deg));
+            let [east_m, north_m] = projection.metres(p.latitude_deg, p.longitude_deg);
             Pose::from_parts(
                 Translation3::new(east_m, north_m, p.altitude_m - first.altitude_m),
                 UnitQuaternion::from_euler_angles(p.roll_rad, p.pitch_rad, p.yaw_rad),
             )
         })
         .collect()
-}
-
-/// Mercator's ordinate of a latitude.
-fn ordinate(latitude_deg: f64) -> f64 {
-    (FRAC_PI_4 + latitude_deg.to_radians() / 2.0).tan().ln()
 }
 
 #[cfg(test)]

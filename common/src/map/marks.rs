@@ -79,13 +79,11 @@ fn place_m(points_map: &[Point3<f64>], point: &Point3<f64>, within_m: f64) -> Op
         let way = ends[1] - ends[0];
         let length_m = way.norm();
         let share = (point - ends[0]).dot(&way) / (length_m * length_m).max(1e-9);
-        if (i == 0 && share < 0.0) || (i == last && share > 1.0) {
-            continue;
-        }
+        let is_beyond = (i == 0 && share < 0.0) || (i == last && share > 1.0);
         let share = share.clamp(0.0, 1.0);
         let off = point - (ends[0] + way * share);
         let off_m = off.x.hypot(off.z);
-        if off_m <= least_m {
+        if !is_beyond && off_m <= least_m {
             (least_m, nearest) = (off_m, Some(behind_m + share * length_m));
         }
         behind_m += length_m;
@@ -154,5 +152,17 @@ mod tests {
         let marks_m = marks_along(&line, &seen, 0.3);
         assert_eq!(marks_m.len(), 2, "{marks_m:?}");
         assert!((marks_m[0][0] - 10.05).abs() < 1e-9 && (marks_m[0][1] - 13.05).abs() < 1e-9);
+    }
+
+    #[test]
+    fn marks_of_a_ring_are_counted_from_its_start() {
+        let corners = [[0.0, 0.0], [0.0, 10.0], [10.0, 10.0], [10.0, -5.0], [0.0, -5.0]];
+        let ring = line(corners.map(|[x, z]| Point3::new(x, 1.6, z)).to_vec(), vec![[2.0, 5.0], [31.0, 34.0]]);
+        // The second lies behind the start as its first edge sees it.
+        let again = marks_along(&ring.points_map, &ring.marks_map().collect::<Vec<_>>(), 0.3);
+        assert_eq!(again.len(), 2, "{again:?}");
+        for (a, b) in again.iter().flatten().zip(ring.marks_m.iter().flatten()) {
+            assert!((a - b).abs() < 1e-9, "{again:?}");
+        }
     }
 }

@@ -6,7 +6,7 @@ use clap::Args;
 use common::config;
 
 use super::{Outcome, print, print_json};
-use crate::diff::{DiffConfig, MapDiff};
+use crate::diff::{DiffConfig, LIMITS, MapDiff};
 use crate::error::Result;
 
 /// Say what changed from one map to another, one line for each landmark; exit
@@ -40,7 +40,8 @@ pub struct Diff {
 impl Diff {
     /// Runs the command.
     pub fn run(&self) -> Result<Outcome> {
-        let mut config: DiffConfig = self.config.as_ref().map_or_else(|| Ok(DiffConfig::default()), config::load)?;
+        let read = |path| config::load_within(path, LIMITS);
+        let mut config = self.config.as_ref().map_or_else(|| Ok(DiffConfig::default()), read)?;
         config.same_m = self.same.unwrap_or(config.same_m);
         // The command line lets them be absent with --print-config only.
         let Some((old, new)) = self.old.as_ref().zip(self.new.as_ref()).filter(|_| !self.print_config) else {

@@ -7,7 +7,7 @@ use common::atomic_file;
 
 use super::{MapFile, Outcome, print};
 use crate::error::Result;
-use crate::export::{Format, Frame};
+use crate::export::{Format, Frame, Projection};
 
 /// Write a map in a format of other programs.
 #[derive(Debug, Args)]
@@ -26,6 +26,10 @@ pub struct Export {
     /// coordinates are local metres: x right, y forward, z up.
     #[arg(long, value_name = "LAT,LON,ALT[,HEADING[,PITCH,ROLL]]", allow_hyphen_values = true)]
     origin: Option<String>,
+    /// What the map's metres are on the Earth: KITTI's poses, and so maps built
+    /// of them, are in the projection of its development kit.
+    #[arg(long, value_enum, default_value_t, requires = "origin")]
+    projection: Projection,
 }
 
 impl Export {
@@ -33,7 +37,7 @@ impl Export {
     pub fn run(&self) -> Result<Outcome> {
         let format = self.format.map_or_else(|| Format::of(&self.out), Ok)?;
         let frame = match &self.origin {
-            Some(text) => Frame::wgs84(text.parse()?),
+            Some(text) => Frame::wgs84(text.parse()?, self.projection),
             None => Frame::local(),
         };
         let map = common::map::read(&self.file.map)?;

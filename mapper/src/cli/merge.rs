@@ -12,7 +12,7 @@ use super::usage::peak_bytes;
 use super::{Outcome, print, print_json};
 use crate::error::Result;
 use crate::inspect::{count_text, road_length_m};
-use crate::merge::{MergeConfig, MergeReport, Sources, merge, path_beside};
+use crate::merge::{LIMITS, MergeConfig, MergeReport, Sources, merge, path_beside};
 
 /// Merge maps of one area into one.
 ///
@@ -58,7 +58,8 @@ struct Summary {
 impl Merge {
     /// Runs the command.
     pub fn run(&self) -> Result<Outcome> {
-        let config: MergeConfig = self.config.as_ref().map_or_else(|| Ok(MergeConfig::default()), config::load)?;
+        let read = |path| config::load_within(path, LIMITS);
+        let config = self.config.as_ref().map_or_else(|| Ok(MergeConfig::default()), read)?;
         let Some(out) = self.out.as_ref().filter(|_| !self.print_config) else {
             print(&config::to_toml(&config)?);
             return Ok(Outcome::Done);

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use nalgebra::Vector3;
 
 use crate::config::Config;
 use crate::drive::{Choice, Drive, MAX_RANGE_M};
@@ -40,6 +41,18 @@ pub struct SourceArgs {
     /// times]; with --stitched: one time per pose.
     #[arg(long, value_name = "TIMES.txt", conflicts_with_all = ["kitti", "raw"])]
     scan_times: Option<PathBuf>,
+    /// With --scans and --stitched: what is taken off the coordinates of the
+    /// survey, metres along its axes: the same for all drives of one frame
+    /// [default: of coordinates beyond 20 km the multiple of 10 km below those
+    /// of the first pose].
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_parser = coordinates_m,
+        allow_hyphen_values = true,
+        conflicts_with_all = ["kitti", "raw"]
+    )]
+    reduce: Option<Vector3<f64>>,
     /// With --scans and --stitched: KITTI's `calib.txt`, whose `Tr` leads from
     /// the lidar to the camera [default: a camera at the lidar's place]. With
     /// --raw: the folder of the three files of the day.
@@ -91,6 +104,17 @@ impl SourceArgs {
             frame: self.survey_frame,
             calibration: self.calib.as_deref(),
             scan_times: self.scan_times.as_deref(),
+            reduced_by_m: self.reduce,
         }
+    }
+}
+
+/// Three numbers with commas between them; else what is wrong.
+fn coordinates_m(text: &str) -> std::result::Result<Vector3<f64>, String> {
+    let number = |word: &str| word.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+    let numbers: Option<Vec<f64>> = text.split(',').map(number).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) => Ok(Vector3::new(x, y, z)),
+        _ => Err("give three finite numbers, in metres".into()),
     }
 }

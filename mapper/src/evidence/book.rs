@@ -10,6 +10,7 @@ use super::{
 };
 use crate::cloud::Cloud;
 use crate::config::Config;
+use crate::fuse::length_m;
 
 /// What was measured on the landmarks of each window of a drive. A landmark of
 /// the map is found in it by its place, however those of the windows were
@@ -74,17 +75,18 @@ impl EvidenceBook {
     }
 
     /// Evidence of a lane line: that of the lines it was joined from, by the
-    /// share of its vertices that lie beside each.
+    /// length of it that lies beside each.
     fn line(&self, lane: &LaneLine, rounding_m2: f64) -> Option<LineEvidence> {
         let samples = samples(lane);
         let mut sum = (0.0, 0.0, 0.0, 0.0, 0.0);
         for (own, evidence) in &self.lanes {
-            let beside = samples.iter().filter(|p| distance_to_polyline(p, &own.points_map) < SAME_M).count() as f64;
-            sum.0 += beside;
-            sum.1 += beside * evidence.lateral_sigma_m.powi(2);
-            sum.2 += beside * evidence.vertical_sigma_m.powi(2);
-            // A piece of a line has its share of the points.
-            let share = (beside / samples.len().max(1) as f64).min(1.0);
+            let beside = samples.iter().filter(|(p, _)| distance_to_polyline(p, &own.points_map) < SAME_M);
+            let beside_m: f64 = beside.map(|(_, length_m)| length_m).sum();
+            sum.0 += beside_m;
+            sum.1 += beside_m * evidence.lateral_sigma_m.powi(2);
+            sum.2 += beside_m * evidence.vertical_sigma_m.powi(2);
+            // A piece of that line has its share of the points.
+            let share = (beside_m / length_m(&own.points_map).max(1e-9)).min(1.0);
             sum.3 += share * evidence.points as f64;
             sum.4 += share * evidence.scans as f64;
         }
@@ -126,13 +128,15 @@ fn at_place(
     Some(PointEvidence::new(&(information.try_inverse()? + common_m2), points, scans))
 }
 
-/// The middles of a line's edges, none longer than a few metres.
-fn samples(lane: &LaneLine) -> Vec<Point3<f64>> {
+/// The middles and the lengths (metres) of a line's edges, none longer than a
+/// few metres.
+fn samples(lane: &LaneLine) -> Vec<(Point3<f64>, f64)> {
     const STEP_M: f64 = 4.0;
     let edge = |ends: &[Point3<f64>]| {
         let (from, along) = (ends[0], ends[1] - ends[0]);
-        let steps = (along.norm() / STEP_M).ceil().max(1.0);
-        (0..steps as usize).map(move |i| from + along * ((i as f64 + 0.5) / steps))
+        let length_m = along.norm();
+        let steps = (length_m / STEP_M).ceil().max(1.0);
+        (0..steps as usize).map(move |i| (from + along * ((i as f64 + 0.5) / steps), length_m / steps))
     };
     lane.points_map.windows(2).flat_map(edge).collect()
 }
@@ -184,5 +188,10 @@ mod tests {
         assert!((sigma(0) - 0.02).abs() < 1e-4 && (sigma(1) - 0.04 / 2.0_f64.sqrt()).abs() < 1e-4);
         assert!((sigma(2) - config.unknown_sigma_m).abs() < 1e-4 && found.poles[1].scans == 6);
         assert!((found.lanes[0].lateral_sigma_m - 0.001_f64.sqrt()).abs() < 1e-4, "{:?}", found.lanes);
+        // All of both lines.
+        assert_eq!((found.lanes[0].points, found.lanes[0].scans), (100, 8));
+        // A quarter of the first.
+        let part = SemanticMap { lanes: vec![lane([0.0, 5.0])], ..map };
+        assert_eq!(book.of_map(&part, 0.0, &config).lanes[0].points, 13);
     }
 }

@@ -1,11 +1,12 @@
 //! The class of a point of the stitched cloud, and the points of a window as
 //! columns.
 
+use common::geometry::{distance_from_above_m, distance_to_segment};
 use common::map::{LaneLine, Pole, PoleKind, Sign, SignKind};
 use nalgebra::Point3;
 use pasture_core::containers::HashMapBuffer;
 use pasture_core::layout::PointLayout;
-use pasture_core::layout::attributes::{CLASSIFICATION, INTENSITY, POINT_SOURCE_ID, POSITION_3D};
+use pasture_core::layout::attributes::{CLASSIFICATION, GPS_TIME, INTENSITY, POINT_SOURCE_ID, POSITION_3D};
 use pasture_core::nalgebra::Vector3 as PastureVector3;
 use rayon::prelude::*;
 
@@ -30,7 +31,8 @@ pub(super) const SIGN: u8 = 68;
 pub(super) const LANE_PAINT: u8 = 70;
 
 /// The points that a window owns, in the order of the scans, as columns.
-pub(super) fn columns(window: &Window, config: &Config) -> HashMapBuffer {
+/// `times_s` are the times of the drive's frames, seconds.
+pub(super) fn columns(window: &Window, times_s: &[f64], config: &Config) -> HashMapBuffer {
     let cloud = window.cloud;
     let owned: Vec<(&CloudPoint, u8)> = cloud
         .points
@@ -43,13 +45,15 @@ pub(super) fn columns(window: &Window, config: &Config) -> HashMapBuffer {
     let frame = |p: &CloudPoint| cloud.scans.get(usize::from(p.scan)).map_or(0, |s| s.frame);
     let position = |p: &CloudPoint| PastureVector3::new(p.position.x, p.position.z, -p.position.y);
     let intensity = |p: &CloudPoint| (p.reflectance.clamp(0.0, 1.0) * 65535.0).round() as u16;
-    // No drive of KITTI has as many frames as the field has numbers.
+    // Of a longer drive than the field has numbers, later frames have the last.
     let source = |p: &CloudPoint| frame(p).min(usize::from(u16::MAX)) as u16;
+    let time_s = |p: &CloudPoint| times_s.get(frame(p)).copied().unwrap_or(0.0);
     buffer(
         &owned.iter().map(|(p, _)| position(p)).collect::<Vec<_>>(),
         &owned.iter().map(|(p, _)| intensity(p)).collect::<Vec<_>>(),
         &owned.iter().map(|(_, class)| *class).collect::<Vec<_>>(),
         &owned.iter().map(|(p, _)| source(p)).collect::<Vec<_>>(),
+        &owned.iter().map(|(p, _)| time_s(p)).collect::<Vec<_>>(),
     )
 }
 
@@ -58,14 +62,16 @@ pub(super) fn buffer(
     intensities: &[u16],
     classes: &[u8],
     sources: &[u16],
+    times_s: &[f64],
 ) -> HashMapBuffer {
-    let layout = PointLayout::from_attributes(&[POSITION_3D, INTENSITY, CLASSIFICATION, POINT_SOURCE_ID]);
+    let layout = PointLayout::from_attributes(&[POSITION_3D, INTENSITY, CLASSIFICATION, POINT_SOURCE_ID, GPS_TIME]);
     let mut buffer = HashMapBuffer::with_capacity(positions.len(), layout);
     let mut pusher = buffer.begin_push_attributes();
     pusher.push_attribute_range(&POSITION_3D, positions);
     pusher.push_attribute_range(&INTENSITY, intensities);
     pusher.push_attribute_range(&CLASSIFICATION, classes);
     pusher.push_attribute_range(&POINT_SOURCE_ID, sources);
+    pusher.push_attribute_range(&GPS_TIME, times_s);
     pusher.done();
     buffer
 }
@@ -98,17 +104,41 @@ fn is_on_sign(p: &Point3<f64>, sign: &Sign) -> bool {
 }
 
 fn is_on_pole(p: &Point3<f64>, pole: &Pole) -> bool {
-    distance_to_segment(p, &pole.foot_map, &pole.top_map) <= POLE_RADIUS_M
+    distance_to_segment(p, [&pole.foot_map, &pole.top_map]) <= POLE_RADIUS_M
 }
 
 fn is_on_lane(p: &Point3<f64>, lane: &LaneLine, half_line_m: f64) -> bool {
-    let flat = |q: &Point3<f64>| Point3::new(q.x, 0.0, q.z);
-    lane.points_map.windows(2).any(|w| distance_to_segment(&flat(p), &flat(&w[0]), &flat(&w[1])) <= half_line_m)
+    distance_from_above_m(p, &lane.points_map) <= half_line_m
 }
 
-pub(super) fn distance_to_segment(p: &Point3<f64>, a: &Point3<f64>, b: &Point3<f64>) -> f64 {
-    let along = b - a;
-    let length2 = along.norm_squared();
-    let share = if length2 > 0.0 { ((p - a).dot(&along) / length2).clamp(0.0, 1.0) } else { 0.0 };
-    (p - (a + along * share)).norm()
+#[cfg(test)]
+mod tests {
+    use pasture_core::containers::{BorrowedBuffer as _, BorrowedBufferExt as _};
+
+    use super::*;
+    use crate::cloud::StitchedScan;
+    use crate::testing::Street;
+
+    #[test]
+    fn frames_beyond_the_numbers_of_the_field_have_their_own_times() {
+        let mut street = Street::new();
+        street.add(Point3::new(3.0, 0.0, 30.0), 9, 0.2, None);
+        let mut cloud = street.cloud();
+        let scan = |frame| StitchedScan { frame, points: 0, dropped_not_finite: 0, dropped_out_of_range: 0 };
+        cloud.scans = (65_530..65_540).map(scan).collect();
+        let window = Window {
+            cloud: &cloud,
+            owned: f64::NEG_INFINITY..f64::INFINITY,
+            poles: Vec::new(),
+            signs: &[],
+            lanes: &[],
+            done: 1,
+            count: 1,
+        };
+        let times_s: Vec<f64> = (0..65_540).map(|frame| f64::from(frame) * 0.1).collect();
+        let columns = columns(&window, &times_s, &Config::default());
+        let last = columns.len() - 1;
+        assert_eq!(columns.view_attribute::<u16>(&POINT_SOURCE_ID).at(last), 65_535);
+        assert!((columns.view_attribute::<f64>(&GPS_TIME).at(last) - 6553.9).abs() < 1e-9);
+    }
 }

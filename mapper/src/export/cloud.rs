@@ -16,7 +16,8 @@
 //!
 //! Axes are x right, y forward, z up (map x, z, -y), for viewers take z for
 //! the height; metres in steps of 1 mm. Intensity is the reflectance, full
-//! scale 65535; the point source is the frame; the time is that of the frame.
+//! scale 65535; the point source is the frame, 65535 for all later ones; the time
+//! is that of the frame.
 //!
 //! The extra dimension `landmark_id` (LAS 1.4, record 4 of `LASF_Spec`:
 //! unsigned 32 bits) is the number of the landmark that the point lies on, as
@@ -27,12 +28,13 @@ use std::fs::File;
 use std::io::{BufReader, BufWriter, Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 
+use common::atomic_file::{self, folder_of};
 use common::map::SemanticMap;
 use las::point::{Classification, Format};
 use las::{Builder, Transform, Vector, Vlr, Writer};
 use nalgebra::Point3;
 use pasture_core::containers::{BorrowedBuffer, BorrowedBufferExt, HashMapBuffer};
-use pasture_core::layout::attributes::{CLASSIFICATION, INTENSITY, POINT_SOURCE_ID, POSITION_3D};
+use pasture_core::layout::attributes::{CLASSIFICATION, GPS_TIME, INTENSITY, POINT_SOURCE_ID, POSITION_3D};
 use pasture_core::nalgebra::Vector3 as PastureVector3;
 
 use super::classes::columns;
@@ -85,7 +87,7 @@ impl CloudFile {
     /// # Errors
     /// [`common::Error::Io`] where the folder of the file takes none.
     pub fn create(path: &Path, config: &Config) -> Result<Self> {
-        let file = tempfile::tempfile_in(folder(path)).map_err(common::Error::io(path))?;
+        let file = tempfile::tempfile_in(folder_of(path)).map_err(common::Error::io(path))?;
         let waiting = BufWriter::with_capacity(1 << 16, file);
         Ok(Self { path: path.to_path_buf(), config: config.clone(), waiting, count: CloudCount::default() })
     }
@@ -96,14 +98,15 @@ impl CloudFile {
     /// # Errors
     /// [`common::Error::Io`] where the disk takes no more.
     pub fn add(&mut self, window: &Window, times_s: &[f64]) -> Result<()> {
-        self.write(&columns(window, &self.config), times_s)
+        self.write(&columns(window, times_s, &self.config))
     }
 
-    fn write(&mut self, columns: &HashMapBuffer, times_s: &[f64]) -> Result<()> {
+    fn write(&mut self, columns: &HashMapBuffer) -> Result<()> {
         let positions = columns.view_attribute::<PastureVector3<f64>>(&POSITION_3D);
         let intensities = columns.view_attribute::<u16>(&INTENSITY);
         let classes = columns.view_attribute::<u8>(&CLASSIFICATION);
-        let frames = columns.view_attribute::<u16>(&POINT_SOURCE_ID);
+        let sources = columns.view_attribute::<u16>(&POINT_SOURCE_ID);
+        let times_s = columns.view_attribute::<f64>(&GPS_TIME);
         for i in 0..columns.len() {
             let position = positions.at(i);
             // The writer takes NaN without complaint, and panics in the end
@@ -112,12 +115,11 @@ impl CloudFile {
                 self.count.left_out += 1;
                 continue;
             }
-            let source = frames.at(i);
             let point = Waiting {
                 position: position.into(),
-                time_s: times_s.get(usize::from(source)).copied().unwrap_or(0.0),
+                time_s: times_s.at(i),
                 intensity: intensities.at(i),
-                source,
+                source: sources.at(i),
                 class: classes.at(i),
             };
             self.waiting.write_all(&point.to_bytes()).map_err(common::Error::io(&self.path))?;
@@ -139,7 +141,7 @@ impl CloudFile {
         waiting.rewind().map_err(io())?;
         let mut waiting = BufReader::with_capacity(1 << 16, waiting);
         let landmarks = LandmarkIndex::new(map, config.lanes.half_line_m);
-        let target = tempfile::tempfile_in(folder(&path)).map_err(io())?;
+        let target = tempfile::tempfile_in(folder_of(&path)).map_err(io())?;
         let mut whole = target.try_clone().map_err(io())?;
         let mut writer = writer(BufWriter::new(target)).map_err(|e| fault(&path, &e))?;
         let mut bytes = [0; WAITING_BYTES];
@@ -151,7 +153,7 @@ impl CloudFile {
         writer.close().map_err(|e| fault(&path, &e))?;
         drop(writer);
         whole.rewind().map_err(io())?;
-        common::atomic_file::write_with(&path, |out| {
+        atomic_file::write_with(&path, |out| {
             std::io::copy(&mut whole, &mut &mut *out).map_err(io())?;
             Ok::<(), Error>(())
         })?;
@@ -232,11 +234,6 @@ fn landmark_dimension() -> Vlr {
     Vlr { user_id: "LASF_Spec".into(), record_id: 4, description: "extra bytes".into(), data }
 }
 
-/// The folder that a file lies in.
-fn folder(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
 fn fault(path: &Path, error: &las::Error) -> Error {
     Error::Cloud { path: path.to_path_buf(), reason: error.to_string() }
 }
@@ -262,8 +259,8 @@ mod tests {
         let mut file = CloudFile::create(&path, &Config::default()).unwrap();
         let far = [1.0, f64::NAN, 2.5e6, f64::INFINITY, 1.0].map(|x| PastureVector3::new(x, 2.0, -3.0));
         let classes = [2, 64, 64, 64, 64];
-        file.write(&buffer(&far, &[7; 5], &classes, &[5; 5]), &[0.0, 0.1, 0.2, 0.3, 0.4, 0.5]).unwrap();
-        file.write(&buffer(&[], &[], &[], &[]), &[]).unwrap();
+        file.write(&buffer(&far, &[7; 5], &classes, &[5; 5], &[0.5; 5])).unwrap();
+        file.write(&buffer(&[], &[], &[], &[], &[])).unwrap();
         (file.finish(&map()).unwrap(), std::fs::read(path).unwrap())
     }
 

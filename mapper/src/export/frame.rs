@@ -3,6 +3,7 @@
 use std::str::FromStr;
 
 use common::geometry::PoseParameters;
+use common::kitti::Mercator;
 use map_3d::Ellipsoid;
 use nalgebra::{Point3, UnitQuaternion};
 
@@ -72,10 +73,30 @@ impl Origin {
     }
 }
 
+/// What the metres of a map's frame are on the Earth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum Projection {
+    /// Metres east, north and up of a plane that touches the Earth at the map's
+    /// origin.
+    #[default]
+    Topocentric,
+    /// Those of KITTI's development kit: Mercator's projection of a sphere, true
+    /// at the map's origin, with altitudes for heights.
+    Mercator,
+}
+
 /// The frame of exported coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Frame {
-    origin: Option<(Origin, UnitQuaternion<f64>)>,
+    placed: Option<Placed>,
+}
+
+/// A map's frame on the Earth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Placed {
+    origin: Origin,
+    turn: UnitQuaternion<f64>,
+    projection: Projection,
 }
 
 /// A place on the Earth.
@@ -96,20 +117,25 @@ impl Frame {
     }
 
     /// WGS 84, of a map whose origin is there.
-    pub fn wgs84(origin: Origin) -> Self {
-        Self { origin: Some((origin, origin.turn())) }
+    pub fn wgs84(origin: Origin, projection: Projection) -> Self {
+        Self { placed: Some(Placed { origin, turn: origin.turn(), projection }) }
     }
 
     /// The place of the map's origin, if it is known.
     pub fn origin(&self) -> Option<&Origin> {
-        self.origin.as_ref().map(|(origin, _)| origin)
+        self.placed.as_ref().map(|placed| &placed.origin)
     }
 
     /// A point of the map in metres: x east, y north, z up of its origin,
     /// where that is known, else x right, y forward, z up.
     pub fn metres(&self, map: &Point3<f64>) -> Point3<f64> {
-        let turned = self.origin.map_or(*map, |(_, turn)| turn * map);
-        Point3::new(turned.x, turned.z, -turned.y)
+        let Some(Placed { origin, turn, projection }) = &self.placed else { return Point3::new(map.x, map.z, -map.y) };
+        let turned = turn * map;
+        let projected_m = Point3::new(turned.x, turned.z, -turned.y);
+        match projection {
+            Projection::Topocentric => projected_m,
+            Projection::Mercator => topocentric(origin, &projected_m),
+        }
     }
 
     /// The place on the Earth of a point given in metres east, north and up of
@@ -127,7 +153,7 @@ impl Frame {
     /// longitude, latitude, altitude where the origin is known, else metres.
     pub fn position(&self, map: &Point3<f64>) -> [f64; 3] {
         let metres = self.metres(map);
-        if self.origin.is_none() {
+        if self.placed.is_none() {
             return [metres.x, metres.y, metres.z].map(|v| rounded(v, METRE_DIGITS));
         }
         let place = self.geodetic(&metres);
@@ -140,14 +166,37 @@ impl Frame {
 
     /// The frame in words, for people.
     pub fn note(&self) -> String {
-        match self.origin() {
+        match &self.placed {
             None => "local metres: x right, y forward, z up of camera 0 at the first frame of the survey".into(),
-            Some(o) => format!(
-                "WGS 84; the map's origin is at {} N {} E, {} m, heading {} degrees clockwise from north, pitch {}, roll {}",
-                o.latitude_deg, o.longitude_deg, o.altitude_m, o.heading_deg, o.pitch_deg, o.roll_deg
-            ),
+            Some(Placed { origin: o, projection, .. }) => {
+                let metres = match projection {
+                    Projection::Topocentric => "",
+                    Projection::Mercator => ", and its metres are those of KITTI's development kit",
+                };
+                format!(
+                    "WGS 84; the map's origin is at {} N {} E, {} m, heading {} degrees clockwise from north, pitch {}, roll {}{metres}",
+                    o.latitude_deg, o.longitude_deg, o.altitude_m, o.heading_deg, o.pitch_deg, o.roll_deg
+                )
+            }
         }
     }
+}
+
+/// Metres east, north and up of an origin, of metres in [`Mercator`]'s
+/// projection around it and of altitude above it.
+fn topocentric(origin: &Origin, projected_m: &Point3<f64>) -> Point3<f64> {
+    let Origin { latitude_deg, longitude_deg, altitude_m, .. } = *origin;
+    let [latitude, longitude] = Mercator::around(latitude_deg, longitude_deg).degrees(projected_m.x, projected_m.y);
+    let (east_m, north_m, up_m) = map_3d::geodetic2enu(
+        latitude.to_radians(),
+        longitude.to_radians(),
+        altitude_m + projected_m.z,
+        latitude_deg.to_radians(),
+        longitude_deg.to_radians(),
+        altitude_m,
+        Ellipsoid::WGS84,
+    );
+    Point3::new(east_m, north_m, up_m)
 }
 
 /// Digits of a degree: 0.1 mm.
@@ -168,7 +217,7 @@ mod tests {
 
     #[test]
     fn a_bearing_turns_forward_to_the_right_of_north() {
-        let frame = |text: &str| Frame::wgs84(text.parse().unwrap());
+        let frame = |text: &str| Frame::wgs84(text.parse().unwrap(), Projection::Topocentric);
         let ahead = Point3::new(0.0, 0.0, 10.0);
         let near = |a: Point3<f64>, b: [f64; 3]| (a - Point3::from(b)).norm() < 1e-9;
         assert!(near(frame("49,8,100").metres(&ahead), [0.0, 10.0, 0.0]));
@@ -182,11 +231,31 @@ mod tests {
     #[test]
     fn a_place_is_that_of_proj() {
         // PROJ: +inv +proj=topocentric +lat_0=49 +lon_0=8 +h_0=100, +inv +proj=cart.
-        let frame = Frame::wgs84("49,8,100".parse().unwrap());
+        let frame = Frame::wgs84("49,8,100".parse().unwrap(), Projection::Topocentric);
         let place = frame.geodetic(&Point3::new(1000.0, 2000.0, 30.0));
         assert!((place.latitude_deg - 49.017_982_831_111).abs() < 1e-11, "{place:?}");
         assert!((place.longitude_deg - 8.013_671_112_069).abs() < 1e-11, "{place:?}");
         assert!((place.altitude_m - 130.392_115_431).abs() < 1e-6, "{place:?}");
+    }
+
+    #[test]
+    fn metres_of_the_development_kit_are_its_degrees_and_no_plane() {
+        let origin: Origin = "49,8,100".parse().unwrap();
+        // Some 2.6 km away, as `latlonToMercator.m` has it.
+        let (latitude_deg, longitude_deg) = (49.018_f64, 8.023_f64);
+        let radius_m = 6_378_137.0 * 49_f64.to_radians().cos();
+        let ordinate = |degrees: f64| (degrees.to_radians() / 2.0 + std::f64::consts::FRAC_PI_4).tan().ln();
+        let east_m = radius_m * (longitude_deg - 8.0).to_radians();
+        let north_m = radius_m * (ordinate(latitude_deg) - ordinate(49.0));
+        let map = Point3::new(east_m, -5.0, north_m);
+        assert!((2500.0..2700.0).contains(&map.coords.norm()));
+        let frame = Frame::wgs84(origin, Projection::Mercator);
+        let [longitude, latitude, altitude_m] = frame.position(&map);
+        assert!((latitude - latitude_deg).abs() < 2e-9 && (longitude - longitude_deg).abs() < 2e-9);
+        assert!((altitude_m - 105.0).abs() < 2e-3, "{altitude_m}");
+        // Taken for a plane it is off by metres, and the Earth falls away.
+        let off_m = frame.metres(&map) - Frame::wgs84(origin, Projection::Topocentric).metres(&map);
+        assert!((off_m - nalgebra::Vector3::new(2.633, -2.047, -0.536)).norm() < 1e-3, "{off_m}");
     }
 
     #[test]
@@ -210,7 +279,7 @@ mod tests {
             (x, y, z) in (-2e4..2e4_f64, -2e4..2e4_f64, -500.0..500.0_f64),
         ) {
             let origin = Origin { latitude_deg, longitude_deg, altitude_m: 50.0, heading_deg: 30.0, pitch_deg: 1.0, roll_deg: 2.0 };
-            let place = Frame::wgs84(origin).geodetic(&Point3::new(x, y, z));
+            let place = Frame::wgs84(origin, Projection::Topocentric).geodetic(&Point3::new(x, y, z));
             let radians = |d: f64| d.to_radians();
             let (e, n, u) = map_3d::geodetic2enu(
                 radians(place.latitude_deg), radians(place.longitude_deg), place.altitude_m,

@@ -1,16 +1,20 @@
 //! Which landmark of a map a point lies on.
 
+use common::geometry::{above, distance_to_segment};
 use common::map::{Numbering, SemanticMap};
 use nalgebra::Point3;
 use rustc_hash::FxHashMap;
 
-use super::classes::{LANE_PAINT, POLE, POLE_RADIUS_M, SIGN, SIGN_MARGIN_M, distance_to_segment};
+use super::classes::{LANE_PAINT, POLE, POLE_RADIUS_M, SIGN, SIGN_MARGIN_M};
 
 /// Side of a cell in which landmarks are looked up, metres.
 const CELL_M: f64 = 4.0;
 /// What a landmark of the map may be off the one that a window found, metres:
 /// its rounding, and what merging it with others changed.
 const MOVED_M: f64 = 0.05;
+/// Paint is of a lane line no farther above or below it than this, metres: less
+/// than between the levels of a road.
+const LEVEL_M: f64 = 1.0;
 
 /// A landmark's number, and a part of it: a segment, and how far points of it
 /// may be from it.
@@ -44,7 +48,7 @@ impl LandmarkIndex {
         }
         for (i, lane) in map.lanes.iter().enumerate() {
             for ends in lane.points_map.windows(2) {
-                index.lanes.add(numbers.lane(i), [level(&ends[0]), level(&ends[1])], half_line_m);
+                index.lanes.add(numbers.lane(i), [ends[0], ends[1]], half_line_m);
             }
         }
         index
@@ -54,9 +58,9 @@ impl LandmarkIndex {
     /// lies on; 0 for none.
     pub fn number(&self, class: u8, at: &Point3<f64>) -> u32 {
         match class {
-            POLE..SIGN => self.poles.nearest(at),
-            SIGN..LANE_PAINT => self.signs.nearest(at),
-            LANE_PAINT => self.lanes.nearest(&level(at)),
+            POLE..SIGN => self.poles.nearest(at, distance_to_segment),
+            SIGN..LANE_PAINT => self.signs.nearest(at, distance_to_segment),
+            LANE_PAINT => self.lanes.nearest(at, distance_on_level_m),
             _ => 0,
         }
     }
@@ -82,14 +86,15 @@ impl Parts {
         }
     }
 
-    /// The nearest of those that reach a point, the first of several.
-    fn nearest(&self, at: &Point3<f64>) -> u32 {
+    /// The nearest, by a distance in metres, of those that reach a point, the
+    /// first of several.
+    fn nearest(&self, at: &Point3<f64>, distance_m: impl Fn(&Point3<f64>, [&Point3<f64>; 2]) -> f64) -> u32 {
         let mut best = (f64::INFINITY, 0);
         for index in self.by_cell.get(&(cell(at.x), cell(at.z))).into_iter().flatten() {
             let Some(part) = self.parts.get(*index as usize) else { continue };
-            let distance_m = distance_to_segment(at, &part.ends[0], &part.ends[1]);
-            if distance_m <= part.radius_m && distance_m < best.0 {
-                best = (distance_m, part.number);
+            let off_m = distance_m(at, part.ends.each_ref());
+            if off_m <= part.radius_m && off_m < best.0 {
+                best = (off_m, part.number);
             }
         }
         best.1
@@ -100,8 +105,14 @@ fn cell(metres: f64) -> i64 {
     (metres / CELL_M).floor() as i64
 }
 
-fn level(p: &Point3<f64>) -> Point3<f64> {
-    Point3::new(p.x, 0.0, p.z)
+/// Distance of a point from a segment of a lane line, seen from above, metres;
+/// infinite where it is on another level.
+fn distance_on_level_m(p: &Point3<f64>, [a, b]: [&Point3<f64>; 2]) -> f64 {
+    let (from, to, at) = (above(a), above(b), above(p));
+    let way = to - from;
+    let share = ((at - from).dot(&way) / way.norm_squared().max(1e-12)).clamp(0.0, 1.0);
+    let line_y = a.y + (b.y - a.y) * share;
+    if (line_y - p.y).abs() <= LEVEL_M { (from + way * share - at).norm() } else { f64::INFINITY }
 }
 
 #[cfg(test)]
@@ -118,15 +129,19 @@ mod tests {
             road,
             marks_m: Vec::new(),
         };
+        // On a deck over the first.
+        let mut raised = lane(2.02);
+        raised.points_map.iter_mut().for_each(|p| p.y -= 5.5);
         let sign = |x| Sign { kind: SignKind::TrafficSign, centroid_map: Point3::new(x, -1.0, 3.0), size_m: 0.6, road };
         let map = SemanticMap {
             signs: vec![sign(5.0), sign(5.5)],
-            lanes: vec![lane(2.0), lane(-2.0)],
+            lanes: vec![lane(2.0), lane(-2.0), raised],
             ..SemanticMap::default()
         };
         let index = LandmarkIndex::new(&map, 0.1);
         let at = |class, x, y, z| index.number(class, &Point3::new(x, y, z));
-        assert_eq!((at(LANE_PAINT, 2.05, 0.0, 49.0), at(LANE_PAINT, -2.1, 1.7, -29.0)), (3, 4));
+        assert_eq!((at(LANE_PAINT, 2.05, 1.2, 49.0), at(LANE_PAINT, -2.1, 1.7, -29.0)), (3, 4));
+        assert_eq!((at(LANE_PAINT, 2.05, -3.8, 10.0), at(LANE_PAINT, 2.05, -1.0, 10.0)), (5, 0));
         assert_eq!((at(LANE_PAINT, 0.0, 1.7, 0.0), at(1, 2.0, 1.7, 0.0), at(POLE, 2.0, 1.7, 0.0)), (0, 0, 0));
         assert_eq!((at(SIGN, 5.1, -1.0, 3.0), at(SIGN + 1, 5.4, -1.0, 3.0), at(SIGN, 5.2, -3.0, 3.0)), (1, 2, 0));
     }

@@ -16,9 +16,12 @@
 //! Latitude and longitude are those from which Lanelet2's
 //! `LocalCartesianProjector`, with the map's origin, makes metres east, north
 //! and up again. Without an origin they are made around 0 N 0 E, 0 m, with
-//! right for east and forward for north. The same metres stand in the tags
-//! `local_x`, `local_y` and (less the origin's altitude) `ele`, for Autoware's
-//! `local` projector. Ways have the numbers of the landmarks, nodes those
+//! right for east and forward for north. The same metres east and north stand
+//! in the tags `local_x` and `local_y`, for Autoware's `local` projector. `ele`
+//! is the altitude of the node, as `OpenStreetMap` has it and Lanelet2 needs it
+//! for metres up. Autoware takes it for these: there a map rises with the
+//! square of the distance from its origin, by 8 cm at 1 km, for the Earth falls
+//! away below the plane. Ways have the numbers of the landmarks, nodes those
 //! after them: Lanelet2 wants every number once.
 
 use common::map::{LaneKind, Numbering, PoleKind, SemanticMap, Sign, SignKind};

@@ -17,7 +17,7 @@ use std::path::Path;
 use common::map::SemanticMap;
 
 pub use self::cloud::{CloudCount, CloudFile};
-pub use self::frame::{Frame, Origin};
+pub use self::frame::{Frame, Origin, Projection};
 use crate::error::{Error, Result};
 
 /// A format that a map can be written in.

@@ -33,7 +33,7 @@ fn map() -> SemanticMap {
 }
 
 fn wgs84() -> Frame {
-    Frame::wgs84("49.0337,8.395,114,62".parse().unwrap())
+    Frame::wgs84("49.0337,8.395,114,62".parse().unwrap(), Projection::Topocentric)
 }
 
 /// Elements of an OSM file with their attributes and tags.
@@ -104,6 +104,28 @@ fn lanelet2_has_a_way_per_landmark_and_no_dangling_node() {
     assert_eq!(of(1, 1)["ele"], "4.600");
     // Left edge first, for who drives along the road.
     assert_eq!((of(2, 0)["local_x"].as_str(), of(2, 1)["local_x"].as_str()), ("3.800", "4.600"));
+}
+
+#[test]
+fn latitude_longitude_and_ele_lead_back_to_metres_east_north_and_up() {
+    let mut map = map();
+    map.poles[0].foot_map = Point3::new(0.0, 1.6, 2600.0);
+    let osm = osm(&Format::Lanelet2.text(&map, &wgs84()).unwrap());
+    let node = &osm.nodes[&osm.ways[&1].0[0]];
+    let of = |key: &str| node[key].parse::<f64>().unwrap();
+    let (east_m, north_m, up_m) = map_3d::geodetic2enu(
+        of("lat").to_radians(),
+        of("lon").to_radians(),
+        of("ele"),
+        49.0337_f64.to_radians(),
+        8.395_f64.to_radians(),
+        114.0,
+        map_3d::Ellipsoid::WGS84,
+    );
+    let found = Point3::new(east_m, north_m, up_m);
+    assert!((found - Point3::new(of("local_x"), of("local_y"), -1.6)).norm() < 2e-3, "{found}");
+    // Half a metre above the plane that touches the Earth at the origin.
+    assert!((of("ele") - (114.0 - 1.6) - 0.53).abs() < 0.01, "{}", of("ele"));
 }
 
 #[test]

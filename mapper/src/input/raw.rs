@@ -4,11 +4,12 @@ use std::path::Path;
 
 use common::geometry::PoseParameters;
 use common::kitti::{RawDrive, RawSurvey};
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion};
 
 use super::Source;
 use crate::drive::{Choice, Drive, Survey};
 use crate::error::Result;
+use crate::export::{Frame, Origin, Projection};
 
 /// Opens the drive in `folder` (`DATE_drive_NNNN_sync`); its calibration lies
 /// in `calibration`, or in the folder that holds `folder`.
@@ -19,7 +20,8 @@ pub fn open_raw(folder: &Path, calibration: Option<&Path>, choice: Choice, max_r
     let drive = RawDrive::open(folder, calibration)?;
     let times_s = drive.times_s()?;
     let surveyed = drive.survey(times_s.len())?;
-    let note = format!("origin of the map for `mapper export --origin`: {}", origin(&surveyed));
+    // The poses are those of the development kit.
+    let note = format!("origin of the map for `mapper export --projection mercator --origin`: {}", origin(&surveyed));
     let survey = Survey {
         path: folder.join("oxts/data"),
         map_from_camera: surveyed.map_from_camera,
@@ -35,12 +37,18 @@ pub fn open_raw(folder: &Path, calibration: Option<&Path>, choice: Choice, max_r
 /// Latitude, longitude, altitude, heading, pitch and roll of camera 0 at
 /// frame 0, as `--origin` takes them.
 fn origin(survey: &RawSurvey) -> String {
-    let offset_m = survey.enu_from_map.translation.vector;
     let first = &survey.first;
-    let radius_m = 6_378_137.0 * first.latitude_deg.to_radians().cos();
-    // A metre of lever arm: the projection is linear over it.
-    let latitude = first.latitude_deg + (offset_m.y / 6_378_137.0).to_degrees();
-    let longitude = first.longitude_deg + (offset_m.x / radius_m).to_degrees();
+    let unit = Origin {
+        latitude_deg: first.latitude_deg,
+        longitude_deg: first.longitude_deg,
+        altitude_m: first.altitude_m,
+        heading_deg: 0.0,
+        pitch_deg: 0.0,
+        roll_deg: 0.0,
+    };
+    let around_unit = Frame::wgs84(unit, Projection::Mercator);
+    let offset_m = survey.enu_from_map.translation.vector;
+    let at = around_unit.geodetic(&around_unit.metres(&Point3::new(offset_m.x, -offset_m.z, offset_m.y)));
     // East, down, north: the axes in which the paper's parameters are bearings.
     let names = Rotation3::from_matrix_unchecked(Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0));
     let mut level = survey.enu_from_map;
@@ -48,8 +56,10 @@ fn origin(survey: &RawSurvey) -> String {
     let p = PoseParameters::from_pose(&level);
     let degrees = |rad: f64| rad.to_degrees();
     format!(
-        "{latitude:.8},{longitude:.8},{:.2},{:.3},{:.3},{:.3}",
-        first.altitude_m + offset_m.z,
+        "{:.8},{:.8},{:.2},{:.3},{:.3},{:.3}",
+        at.latitude_deg,
+        at.longitude_deg,
+        at.altitude_m,
         degrees(p.yaw_rad).rem_euclid(360.0),
         degrees(p.pitch_rad),
         degrees(p.roll_rad)
@@ -59,14 +69,13 @@ fn origin(survey: &RawSurvey) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::export::Frame;
     use common::geometry::Pose;
-    use common::kitti::Packet;
+    use common::kitti::{Mercator, Packet};
 
     #[test]
-    fn the_origin_that_is_printed_leads_back_to_east_and_north() {
+    fn the_origin_that_is_printed_leads_back_to_where_the_unit_was() {
         let rotation = UnitQuaternion::from_euler_angles(-1.5, 0.04, 0.7);
-        let enu_from_map = Pose::from_parts(nalgebra::Translation3::new(0.0, 0.0, 0.0), rotation);
+        let enu_from_map = Pose::from_parts(nalgebra::Translation3::new(0.9, -0.4, 0.6), rotation);
         let first = Packet {
             latitude_deg: 49.0,
             longitude_deg: 8.0,
@@ -76,8 +85,14 @@ mod tests {
             yaw_rad: 0.0,
         };
         let survey = RawSurvey { map_from_camera: vec![Pose::identity()], enu_from_map, first };
-        let frame = Frame::wgs84(origin(&survey).parse().unwrap());
-        let p = nalgebra::Point3::new(10.0, -2.0, 30.0);
-        assert!((frame.metres(&p) - enu_from_map * p).norm() < 1e-3);
+        let frame = Frame::wgs84(origin(&survey).parse().unwrap(), Projection::Mercator);
+        // A place 2.6 km away, and the unit at the first frame.
+        for (latitude_deg, longitude_deg, tolerance_m) in [(49.018, 8.023, 0.1), (49.0, 8.0, 0.01)] {
+            let [east_m, north_m] = Mercator::around(49.0, 8.0).metres(latitude_deg, longitude_deg);
+            let [longitude, latitude, altitude_m] =
+                frame.position(&(enu_from_map.inverse() * Point3::new(east_m, north_m, 5.0)));
+            let off_m = (longitude - longitude_deg).hypot(latitude - latitude_deg) * 111_000.0;
+            assert!(off_m < tolerance_m && (altitude_m - 105.0).abs() < tolerance_m, "{off_m} {altitude_m}");
+        }
     }
 }

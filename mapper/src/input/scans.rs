@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use common::geometry::Pose;
 use common::kitti::{Scan, read_times};
+use nalgebra::Vector3;
 
 use super::Source;
 use super::config::InputConfig;
@@ -27,6 +28,9 @@ pub struct ScanInput<'a> {
     pub calibration: Option<&'a Path>,
     /// A file of one time per scan, seconds.
     pub scan_times: Option<&'a Path>,
+    /// What is taken off the coordinates of the survey's world, metres, where
+    /// the first pose shall not decide it.
+    pub reduced_by_m: Option<Vector3<f64>>,
 }
 
 /// Scans in a folder, all of one format.
@@ -105,7 +109,7 @@ pub fn open_scans(
 ) -> Result<Drive> {
     let (format, files) = scan_files(input.path)?;
     let poses = Poses::read(input.survey)?;
-    let placement = Placement::new(input.frame, input.calibration, poses.first())?;
+    let placement = Placement::new(input.frame, input.calibration, poses.first(), input.reduced_by_m)?;
     let Matched { files, poses, times_s, without } = matched(input, files, &poses, config)?;
     let survey = Survey {
         path: input.survey.to_path_buf(),

@@ -92,7 +92,7 @@ pub fn open_stitched(
     lidar: &LidarConfig,
 ) -> Result<Drive> {
     let poses = Poses::read(input.survey)?;
-    let placement = Placement::new(input.frame, input.calibration, poses.first())?;
+    let placement = Placement::new(input.frame, input.calibration, poses.first(), input.reduced_by_m)?;
     let (poses, times_s): (Vec<Pose>, Option<Vec<f64>>) = match poses {
         Poses::Stamped(rows) => (rows.iter().map(|r| r.pose).collect(), Some(rows.iter().map(|r| r.time_s).collect())),
         Poses::Rows(poses) => (poses, input.scan_times.map(common::kitti::read_times).transpose()?),

@@ -22,8 +22,9 @@ pub enum SurveyFrame {
 /// Coordinates farther from the origin than this are reduced, metres: those
 /// of a national grid, which take more digits than clouds have.
 const FARTHEST_M: f64 = 20_000.0;
-/// What they are reduced by is a multiple of this, metres: drives of one
-/// place are reduced alike.
+/// What they are reduced by is a multiple of this, metres, the next below the
+/// first pose: so drives of one place mostly are reduced alike, but not those
+/// that start on both sides of a multiple. `--reduce` says it for all.
 const REDUCED_BY_M: f64 = 10_000.0;
 
 /// Map axes (x right, y down, z forward) from those of a world with z up (x
@@ -46,18 +47,24 @@ pub struct Placement {
 
 impl Placement {
     /// The placement of a survey; without a calibration the camera is a
-    /// thought one, at the lidar's place and looking ahead.
+    /// thought one, at the lidar's place and looking ahead. Nothing given as
+    /// `reduced_by_m`, it depends on the first pose.
     ///
     /// # Errors
     /// As [`Calibration::read`].
-    pub fn new(frame: SurveyFrame, calibration: Option<&Path>, first: Option<&Pose>) -> Result<Self> {
+    pub fn new(
+        frame: SurveyFrame,
+        calibration: Option<&Path>,
+        first: Option<&Pose>,
+        reduced_by_m: Option<Vector3<f64>>,
+    ) -> Result<Self> {
         let camera_from_velodyne = match calibration {
             Some(path) => Calibration::read(path)?.camera_from_velodyne,
             None => Pose::from_parts(Vector3::zeros().into(), map_from_world()),
         };
         let at = first.map_or_else(Vector3::zeros, |pose| pose.translation.vector);
         let reduced = |v: f64| if v.abs() > FARTHEST_M { (v / REDUCED_BY_M).floor() * REDUCED_BY_M } else { 0.0 };
-        Ok(Self { frame, camera_from_velodyne, reduced_by_m: at.map(reduced) })
+        Ok(Self { frame, camera_from_velodyne, reduced_by_m: reduced_by_m.unwrap_or_else(|| at.map(reduced)) })
     }
 
     /// `map_from_camera` of a pose of the survey.
@@ -84,8 +91,9 @@ impl Placement {
 
     /// What people should know about it, if anything.
     pub fn note(&self) -> Option<String> {
-        let r = self.reduced_by_m;
-        (r.norm() > 0.0).then(|| format!("the survey's coordinates are reduced by ({}, {}, {}) m", r.x, r.y, r.z))
+        let [x, y, z] = self.reduced_by_m.into();
+        let by = format!("({x}, {y}, {z}) m; give other drives of this frame --reduce {x},{y},{z}");
+        (self.reduced_by_m.norm() > 0.0).then(|| format!("the survey's coordinates are reduced by {by}"))
     }
 }
 

@@ -205,8 +205,12 @@ fn drive_folder(names: &[&str], poses: &str) -> tempfile::TempDir {
 }
 
 fn open(root: &Path, frame: SurveyFrame) -> Result<Drive> {
+    open_reduced(root, frame, None)
+}
+
+fn open_reduced(root: &Path, frame: SurveyFrame, reduced_by_m: Option<Vector3<f64>>) -> Result<Drive> {
     let (path, survey) = (root.join("scans"), root.join("poses.txt"));
-    let input = ScanInput { path: &path, survey: &survey, frame, calibration: None, scan_times: None };
+    let input = ScanInput { path: &path, survey: &survey, frame, calibration: None, scan_times: None, reduced_by_m };
     open_scans(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default())
 }
 
@@ -241,12 +245,19 @@ fn scans_get_the_rows_of_their_numbers() {
 }
 
 #[test]
-fn national_coordinates_are_reduced_alike() {
+fn national_coordinates_are_reduced_by_the_first_pose_or_as_said() {
     let far = TUM.replace(" 0 0 0 0 0 0 1\n100.2 2", " 457123 5428456 0 0 0 0 1\n100.2 457125");
     let root = drive_folder(&["100.0.pcd"], &far);
     let drive = open(root.path(), SurveyFrame::Lidar).unwrap();
     assert!((drive.survey[0].translation.vector - Vector3::new(-8456.0, 0.0, 7123.0)).norm() < 1e-6);
     assert!(drive.notes.iter().any(|n| n.contains("reduced by (450000, 5420000, 0) m")), "{:?}", drive.notes);
+    // One that starts south of a multiple would be reduced by 10 km less.
+    let near = far.replace(" 457123 5428456 ", " 457123 5419999 ");
+    let root = drive_folder(&["100.0.pcd"], &near);
+    let x_m = |drive: Result<Drive>| drive.unwrap().survey[0].translation.x;
+    assert!((x_m(open(root.path(), SurveyFrame::Lidar)) + 9999.0).abs() < 1e-6);
+    let alike = open_reduced(root.path(), SurveyFrame::Lidar, Some(Vector3::new(450_000.0, 5_420_000.0, 0.0)));
+    assert!((x_m(alike) - 1.0).abs() < 1e-6);
 }
 
 #[test]
@@ -278,8 +289,14 @@ fn a_stitched_cloud_is_cut_by_time_or_by_position() {
     let choice = Choice { every: 4, ..ALL };
     let open = |times: &dyn Fn(usize) -> f64| {
         write_las(&cloud, &points, Some(times));
-        let input =
-            ScanInput { path: &cloud, survey: &survey, frame: SurveyFrame::Lidar, calibration: None, scan_times: None };
+        let input = ScanInput {
+            path: &cloud,
+            survey: &survey,
+            frame: SurveyFrame::Lidar,
+            calibration: None,
+            scan_times: None,
+            reduced_by_m: None,
+        };
         let config = InputConfig { held_points: 50, longest_gap_s: 1.0, ..InputConfig::default() };
         open_stitched(&input, choice, 120.0, &config, &LidarConfig::default()).unwrap()
     };
@@ -295,8 +312,14 @@ fn a_stitched_cloud_is_cut_by_time_or_by_position() {
     assert!(scan.points.iter().all(|p| (p.y - 3.0).abs() < 1e-3 && p.z.abs() < 1e-3 && p.x.abs() < 10.1));
     assert!((scan.reflectance[0] - 40_000.0 / 65_535.0).abs() < 1e-6);
     std::fs::write(&survey, "1 9000 0 0 0 0 0 1\n2 9001 0 0 0 0 0 1\n").unwrap();
-    let input =
-        ScanInput { path: &cloud, survey: &survey, frame: SurveyFrame::Lidar, calibration: None, scan_times: None };
+    let input = ScanInput {
+        path: &cloud,
+        survey: &survey,
+        frame: SurveyFrame::Lidar,
+        calibration: None,
+        scan_times: None,
+        reduced_by_m: None,
+    };
     let said =
         open_stitched(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default()).unwrap_err().to_string();
     assert!(said.contains("none of its 160 points is near the poses of"), "{said}");

@@ -319,7 +319,8 @@ impl<'a> Problem<'a> {
         shared.iter().flatten().for_each(|&mark| is_shared[mark] = true);
         let (mut checked, mut found) = (vec![0_usize; sources.len()], vec![0_usize; sources.len()]);
         for (mark, is_shared) in self.marks.iter().zip(&is_shared) {
-            let near = witnesses.near(&mark.held.point_map, config.witness.point_m, config.witness.height_m);
+            let below_m = if mark.is_pole() { config.witness.ground_m() } else { config.witness.signs_m() };
+            let near = witnesses.near(&mark.held.point_map, config.witness.point_m, &below_m);
             if near.iter().any(|(pass, _)| *pass as usize != mark.source) {
                 checked[mark.source] += 1;
                 found[mark.source] += usize::from(*is_shared);

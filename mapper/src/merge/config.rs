@@ -1,5 +1,8 @@
 //! Settings of `mapper merge`.
 
+use std::ops::RangeInclusive;
+
+use common::config::{Limits, limits};
 use serde::{Deserialize, Serialize};
 
 use crate::fuse::FuseConfig;
@@ -17,6 +20,27 @@ pub struct MergeConfig {
     /// When two paths are one road.
     pub roads: SameRoadConfig,
 }
+
+/// What the numbers of [`MergeConfig`] may be: by steps and standard deviations
+/// is divided, and time grows with reaches.
+pub const LIMITS: &[Limits] = &[
+    limits("align.reach_m", 0.0, 20.0),
+    limits("align.node_m", 1.0, 1000.0),
+    limits("align.window_m", 1.0, 1000.0),
+    limits("align.lane_step_m", 0.5, 100.0),
+    limits("align.fewest_*", 1.0, 1e6),
+    limits("align.least_lead", 1.0, 1e6),
+    limits("align.least_shared", 0.0, 1.0),
+    limits("align.*sigma_m", 1e-4, 1000.0),
+    limits("align.*sigma_rad", 1e-6, 10.0),
+    limits("fuse.lane_step_m", 0.1, 50.0),
+    limits("fuse.lane_angle_rad", 0.0, 3.2),
+    limits("fuse.*_m", 0.0, 100.0),
+    limits("witness.*_m", 0.0, 1000.0),
+    limits("roads.step_m", 0.1, 100.0),
+    limits("roads.angle_rad", 0.0, 3.2),
+    limits("roads.*_m", 0.0, 1000.0),
+];
 
 /// How maps of one area are aligned: each by small corrections of place and
 /// heading along its roads.
@@ -91,16 +115,46 @@ pub struct WitnessConfig {
     pub as_near_m: f64,
     /// From farther than this nothing is expected to be seen, metres.
     pub farthest_m: f64,
-    /// Largest difference in height of path and landmark, metres: other levels
-    /// of a road see nothing of it.
+    /// Largest difference in height of path and sign, metres: other levels of a
+    /// road see nothing of it.
     pub height_m: f64,
+    /// The ground of a pole or of paint may lie higher than the path by up to
+    /// this, metres. The path is that of the camera, which is some 1.65 m above
+    /// its road: so a bank beside the road is near, and a bridge over it, whose
+    /// deck is 5 m up or more, is not.
+    pub ground_above_m: f64,
+    /// The same for ground below the path, metres: from a bridge nothing is seen
+    /// of the road below, which is 6.5 m or more below a camera there.
+    pub ground_below_m: f64,
     /// Shorter gaps in a lane line are closed, metres: vehicles hide paint.
     pub shortest_gap_m: f64,
 }
 
 impl Default for WitnessConfig {
     fn default() -> Self {
-        Self { point_m: 15.0, lane_m: 7.5, as_near_m: 1.0, farthest_m: 30.0, height_m: 6.0, shortest_gap_m: 5.0 }
+        Self {
+            point_m: 15.0,
+            lane_m: 7.5,
+            as_near_m: 1.0,
+            farthest_m: 30.0,
+            height_m: 6.0,
+            ground_above_m: 2.0,
+            ground_below_m: 5.0,
+            shortest_gap_m: 5.0,
+        }
+    }
+}
+
+impl WitnessConfig {
+    /// How far below a path (above it: negative, metres) the foot of a pole or
+    /// paint is that the pass may have seen.
+    pub fn ground_m(&self) -> RangeInclusive<f64> {
+        -self.ground_above_m..=self.ground_below_m
+    }
+
+    /// The same for the centroid of a sign.
+    pub fn signs_m(&self) -> RangeInclusive<f64> {
+        -self.height_m..=self.height_m
     }
 }
 

@@ -34,11 +34,13 @@ pub fn line_parts(
     let config = rules.config;
     let mut keep = Vec::with_capacity(lane.samples.len());
     let step_m = mean_step_m(lane);
+    let (witness, ground_m) = (&config.witness, config.witness.ground_m());
     for sample in &lane.samples {
-        let near = rules.witnesses.expected(&sample.point_map, &sample.passes, config.witness.lane_m, &config.witness);
+        let (point_map, seen) = (&sample.point_map, &sample.passes);
+        let near = rules.witnesses.expected(point_map, seen, witness.lane_m, &ground_m, witness);
         keep.push(counts.count(step_m, sample.passes.len(), missed(&sample.passes, &near)));
     }
-    let gap = (config.witness.shortest_gap_m / step_m.max(1e-3)) as usize;
+    let gap = (witness.shortest_gap_m / step_m.max(1e-3)) as usize;
     close(&mut keep, gap);
     if lane.is_lone() && keep.iter().all(|keep| *keep) {
         // It was cut when its map was built.

@@ -6,6 +6,9 @@ use super::config::AlignConfig;
 use super::field::{Field, Held};
 use super::source::Source;
 
+/// The class of poles.
+const POLE: u32 = 0;
+
 /// A pole's foot or a sign's centroid.
 #[derive(Debug, Clone, Copy)]
 pub struct Mark {
@@ -15,6 +18,13 @@ pub struct Mark {
     pub class: u32,
     /// The point and what it moves with.
     pub held: Held,
+}
+
+impl Mark {
+    /// Whether it is a pole's foot, on the ground.
+    pub fn is_pole(&self) -> bool {
+        self.class == POLE
+    }
 }
 
 /// A short straight piece of a lane line.
@@ -32,8 +42,8 @@ pub struct Piece {
 pub fn marks(sources: &[Source], field: &Field) -> Vec<Mark> {
     let mut marks = Vec::new();
     for (source, Source { map, .. }) in sources.iter().enumerate() {
-        let poles = map.poles.iter().map(|pole| (0, pole.road, pole.foot_map));
-        let signs = map.signs.iter().map(|sign| (1 + sign.kind as u32, sign.road, sign.centroid_map));
+        let poles = map.poles.iter().map(|pole| (POLE, pole.road, pole.foot_map));
+        let signs = map.signs.iter().map(|sign| (POLE + 1 + sign.kind as u32, sign.road, sign.centroid_map));
         marks.extend(
             poles.chain(signs).filter_map(|(class, road, point)| {
                 Some(Mark { source, class, held: field.hold(source, road, &point)? })

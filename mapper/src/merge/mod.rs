@@ -27,11 +27,13 @@ mod tests;
 mod votes;
 mod witness;
 
+use std::ops::RangeInclusive;
+
 use common::map::{MAX_NOTE_BYTES, Pole, Road, RoadId, SemanticMap, Sign};
 use nalgebra::Point3;
 
 pub use align::State;
-pub use config::{AlignConfig, MergeConfig, SameRoadConfig, WitnessConfig};
+pub use config::{AlignConfig, LIMITS, MergeConfig, SameRoadConfig, WitnessConfig};
 pub use report::{Counts, MergeReport, SourceReport};
 pub use roads::{Nearest, added_roads};
 pub use source::{Source, Sources, path_beside};
@@ -81,14 +83,16 @@ pub fn merge(sources: &[Source], config: &MergeConfig) -> Merged {
     let nearest = Nearest::new(&map.roads);
     let road_of = |point: &Point3<f64>| nearest.to(point).map_or(RoadId(0), |found| found.0);
 
+    let (ground_m, signs_m) = (config.witness.ground_m(), config.witness.signs_m());
     // What turns a map turns its covariances by a degree at most.
     let poles = all(&passes, |pass| sightings(moved[pass].poles.clone(), pass as u32, &sources[pass].known.poles));
-    let kept = stay(fuse_poles(&poles, &config.fuse), &poles, |p| p.foot_map, &witnesses, config, &mut report.poles);
+    let fused = fuse_poles(&poles, &config.fuse);
+    let kept = stay(fused, &poles, |p| p.foot_map, &witnesses, &ground_m, &config.witness, &mut report.poles);
     map.poles.extend(kept.into_iter().map(|pole| Pole { road: road_of(&pole.foot_map), ..pole }));
 
     let signs = all(&passes, |pass| sightings(moved[pass].signs.clone(), pass as u32, &sources[pass].known.signs));
-    let kept =
-        stay(fuse_signs(&signs, &config.fuse), &signs, |s| s.centroid_map, &witnesses, config, &mut report.signs);
+    let fused = fuse_signs(&signs, &config.fuse);
+    let kept = stay(fused, &signs, |s| s.centroid_map, &witnesses, &signs_m, &config.witness, &mut report.signs);
     map.signs.extend(kept.into_iter().map(|sign| Sign { road: road_of(&sign.centroid_map), ..sign }));
 
     let lanes = all(&passes, |pass| sightings(moved[pass].lanes.clone(), pass as u32, &[]));
@@ -131,7 +135,8 @@ fn stay<T>(
     sightings: &[Sighting<T>],
     place: impl Fn(&T) -> Point3<f64>,
     witnesses: &Witnesses,
-    config: &MergeConfig,
+    below_m: &RangeInclusive<f64>,
+    config: &WitnessConfig,
     counts: &mut Counts,
 ) -> Vec<T> {
     counts.given += sightings.len() as f64;
@@ -139,7 +144,7 @@ fn stay<T>(
         let mut seen: Vec<u32> = fused.sightings.iter().map(|&sighting| sightings[sighting].pass).collect();
         seen.sort_unstable();
         seen.dedup();
-        let near = witnesses.expected(&place(&fused.landmark), &seen, config.witness.point_m, &config.witness);
+        let near = witnesses.expected(&place(&fused.landmark), &seen, config.point_m, below_m, config);
         counts.count(1.0, seen.len(), missed(&seen, &near)).then_some(fused.landmark)
     };
     fused.into_iter().filter_map(stays).collect()

@@ -130,6 +130,19 @@ fn what_most_no_longer_see_is_dropped_and_a_tie_is_kept() {
 }
 
 #[test]
+fn what_passes_under_a_bridge_do_not_see_on_it_stays() {
+    let below = street(3);
+    let bridge = pass(&street(30), 1, Vector3::new(3.0, -5.5, 0.0));
+    let mut maps: Vec<SemanticMap> = (2..5).map(|seed| pass(&below, seed, Vector3::zeros())).collect();
+    maps.push(bridge.clone());
+    let Merged { map, report } = merged(&maps);
+    let unseen = [&report.poles, &report.lanes_m].map(|counts| counts.contested + counts.dropped);
+    assert!(unseen.iter().all(|unseen| *unseen < 1e-9), "{}", report.text());
+    assert_eq!(map.poles.len(), below.poles.len() + bridge.poles.len());
+    assert!(report.sources.iter().any(|source| source.state == "alone"), "{}", report.text());
+}
+
+#[test]
 fn what_a_build_knows_of_its_poles_decides_where_they_are() {
     let truth = street(9);
     let mut off = truth.clone();

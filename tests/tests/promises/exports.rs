@@ -37,4 +37,6 @@ fn what_cannot_be_exported_is_told_and_leaves_no_file() {
     refused("map.osm", &["--origin", "49,8"], &["--origin 49,8", "it has 2 numbers", "LAT,LON,ALT"]);
     refused("map.osm", &["--origin", "-91,8,0"], &["latitude must be within"]);
     refused("map.txt", &["--origin", "49,8,0"], &["local metres only"]);
+    let alone = run("mapper", &["export", text(&map), "--out", "map.osm", "--projection", "mercator"]);
+    assert!(alone.code == 2 && alone.err.contains("--origin <LAT,LON,ALT"), "{alone:?}");
 }

@@ -71,6 +71,8 @@ fn what_is_no_drive_is_told() {
     };
     refused(&["--raw", text(root)], &["holds no folder `velodyne_points/data`", "give a folder such as"]);
     refused(&["--scans", text(root), "--survey", text(&poses)], &["holds no scan", "give a folder of .las"]);
+    let two = run("mapper", &["build", "--scans", text(root), "--survey", text(&poses), "--reduce", "450000,5420000"]);
+    assert!(two.code == 2 && two.err.contains("give three finite numbers"), "{two:?}");
     std::fs::write(root.join("000000.pcd"), "VERSION 0.7\n").unwrap();
     refused(&["--scans", text(root), "--survey", text(&poses)], &["000000.pcd", "no line `DATA`", "copy it again"]);
     let cloud = root.join("cloud.laz");

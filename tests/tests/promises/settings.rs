@@ -83,13 +83,34 @@ fn limit_all<T: Serialize + DeserializeOwned + Default>(limits: &[Limits], fewes
 fn limits_are_of_settings_and_hold_their_defaults() {
     hold::<mapper::Config>(mapper::config::LIMITS);
     hold::<mapper::validate::ValidateConfig>(mapper::validate::LIMITS);
+    hold::<mapper::merge::MergeConfig>(mapper::merge::LIMITS);
+    hold::<mapper::diff::DiffConfig>(mapper::diff::LIMITS);
     hold::<localizer::config::Config>(localizer::config::LIMITS);
 }
 
 #[test]
 fn every_number_has_limits() {
     limit_all::<mapper::Config>(mapper::config::LIMITS, 300);
+    limit_all::<mapper::merge::MergeConfig>(mapper::merge::LIMITS, 30);
+    limit_all::<mapper::diff::DiffConfig>(mapper::diff::LIMITS, 8);
     limit_all::<localizer::config::Config>(localizer::config::LIMITS, 250);
+}
+
+#[test]
+fn settings_of_a_merge_or_a_comparison_by_which_nothing_can_be_divided_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("bad.toml");
+    for (command, settings, said) in [
+        ("merge", "[roads]\nstep_m = 0.0\n", "`roads.step_m` is 0 and has to be from 0.1"),
+        ("merge", "[align]\nnode_m = 0.0\n", "`align.node_m` is 0"),
+        ("merge", "[align]\nlandmark_sigma_m = 0.0\n", "`align.landmark_sigma_m` is 0"),
+        ("merge", "[fuse]\nlane_step_m = 0.0\n", "`fuse.lane_step_m` is 0"),
+        ("diff", "[roads]\nstep_m = 0.0\n", "`roads.step_m` is 0"),
+        ("diff", "same_m = -1.0\n", "`same_m` is -1"),
+    ] {
+        std::fs::write(&file, settings).unwrap();
+        run("mapper", &[command, "--print-config", "--config", text(&file)]).refused(&["bad.toml:", said]);
+    }
 }
 
 #[test]

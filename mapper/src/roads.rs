@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use common::geometry::Pose;
 use common::map::Road;
-use nalgebra::{Point3, Vector2, Vector3};
+use nalgebra::{Point3, Vector2, Vector3, distance};
 use serde::{Deserialize, Serialize};
 
 use crate::fuse::Buckets;
@@ -163,8 +163,13 @@ pub(crate) fn runs<T: PartialEq>(values: &[T]) -> Vec<Range<usize>> {
 
 /// The road of a stretch.
 pub fn road(map_from_camera: &[Pose], stretch: &Stretch, config: &RoadConfig) -> Road {
-    let centres: Vec<Point3<f64>> =
+    let mut centres: Vec<Point3<f64>> =
         map_from_camera[stretch.first..=stretch.last].iter().map(|p| p.translation.vector.into()).collect();
+    // A vehicle that stands is at one place, however long: but for the end, where
+    // the next stretch begins.
+    let end = centres.pop();
+    centres.dedup_by(|next, kept| distance(next, kept) < config.tolerance_m);
+    centres.extend(end);
     let kept = simplify(&centres, config.tolerance_m);
     Road { path_map: kept.into_iter().map(|i| centres[i]).collect() }
 }
@@ -232,6 +237,13 @@ mod tests {
             .map(|(i, p)| Pose::translation(0.0, if i > 405 { -6.0 } else { 0.0 }, 0.0) * p)
             .collect();
         assert!(stretches(&bridge, 0, bridge.len() - 1, &RoadConfig::default()).iter().all(|s| !s.is_again));
+    }
+
+    #[test]
+    fn a_stop_costs_the_road_no_vertex() {
+        let poses = with_a_stop();
+        let stretch = Stretch { first: 0, last: poses.len() - 1, is_again: false };
+        assert_eq!(road(&poses, &stretch, &RoadConfig::default()).path_map.len(), 2);
     }
 
     #[test]

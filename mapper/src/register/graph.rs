@@ -7,7 +7,7 @@
 //! - `local(Z_i, X_i^-1 X_(i+1))`: the motion between neighbours, from
 //!   registration, weighted with what the scans constrain,
 //! - `local(E^-1 G_i^-1 G_(i+1) E, X_i^-1 X_(i+1))`: the same from the survey,
-//!   with a Cauchy weight,
+//!   with a Cauchy weight, and with the `E` of the round before,
 //! - `X_i.t - G_i.t`: the survey's positions, with a Cauchy weight,
 //! - `log((G_i.R E)^T X_i.R)`: the survey's orientations but for `E`,
 //! - `local(Z_ij, X_i^-1 X_j)`: where the drive comes back to a place, the

@@ -43,7 +43,8 @@ pub struct Built {
 pub struct Window<'a> {
     /// Its stitched cloud.
     pub cloud: &'a Cloud,
-    /// Stations (m) between which it owns what it sees: neighbours overlap.
+    /// Stations (m) between which it owns what it sees: clouds of neighbours overlap,
+    /// what they own does not.
     pub owned: std::ops::Range<f64>,
     /// Poles found between them.
     pub poles: Vec<Pole>,

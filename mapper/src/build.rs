@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::evidence::EvidenceBook;
 use crate::lanes::{LanePiece, Paint, find_side_lines, lines_along};
 use crate::passes::Passes;
+use crate::path::Way;
 use crate::poles::{FittedPole, find_poles};
 use crate::register::{Registration, refine};
 use crate::roads::{RoadConfig, Stretch, road, stretches};
@@ -42,7 +43,8 @@ pub struct Built {
 pub struct Window<'a> {
     /// Its stitched cloud.
     pub cloud: &'a Cloud,
-    /// Stations (m) between which it owns what it sees: neighbours overlap.
+    /// Stations (m) between which it owns what it sees: clouds of neighbours overlap,
+    /// what they own does not.
     pub owned: std::ops::Range<f64>,
     /// Poles found between them.
     pub poles: Vec<Pole>,
@@ -169,18 +171,19 @@ fn check_survey(drive: &Drive, config: &RoadConfig) -> Result<()> {
 /// The frame reached from `frame` after `distance_m` along the drive, or before a
 /// step of more than `longest_m`.
 fn reach(poses: &[Pose], frame: usize, step: isize, distance_m: f64, longest_m: f64) -> usize {
-    let (mut at, mut driven) = (frame, 0.0);
-    while driven < distance_m {
+    let centre = |f: usize| Point3::from(poses[f].translation.vector);
+    let mut way = Way::default();
+    let (mut at, mut driven_m) = (frame, way.to(centre(frame)));
+    while driven_m < distance_m {
         let next = at as isize + step;
         if next < 0 || next as usize >= poses.len() {
             break;
         }
         let next = next as usize;
-        let step_m = apart_m(poses, at, next);
-        if step_m > longest_m {
+        if apart_m(poses, at, next) > longest_m {
             break;
         }
-        driven += step_m;
+        driven_m = way.to(centre(next));
         at = next;
     }
     at
@@ -276,4 +279,20 @@ fn by_road(
             (points.len() >= 2).then_some(LaneLine { kind: piece.kind, points_map: points, road, marks_m })
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stop_uses_up_nothing_of_what_is_seen_beyond_a_window() {
+        // 600 frames at a light, and on.
+        let shaking = |i: i32| Pose::translation(0.03 * f64::from(i % 3), 0.0, 0.02 * f64::from(i % 2));
+        let poses: Vec<Pose> =
+            (0..600).map(shaking).chain((1..100).map(|i| Pose::translation(0.0, 0.0, f64::from(i)))).collect();
+        assert_eq!(reach(&poses, 0, 1, 40.0, 500.0), 599 + 40);
+        assert_eq!(reach(&poses, 639, -1, 39.5, 500.0), 599);
+        assert_eq!(reach(&poses, 0, 1, 400.0, 500.0), 698);
+    }
 }

@@ -259,7 +259,7 @@ impl Cloud {
 
     /// A point as seen from the lidar.
     pub(crate) fn glance(&self, p: &CloudPoint) -> Glance {
-        let ray = p.position - self.sensors[usize::from(p.scan)].at;
+        let ray = p.position - self.sensors[usize::from(p.scan)].at_map;
         Glance {
             scan: p.scan,
             from_lidar: Vector2::new(ray.x, ray.z).try_normalize(1e-6).unwrap_or_else(Vector2::y),
@@ -334,7 +334,7 @@ pub fn without_standing(frames: &[usize], map_from_camera: &[Pose], most: usize)
 }
 
 fn view_weights(sensors: &[Sensor]) -> Vec<f64> {
-    let same = |a: &Sensor| sensors.iter().filter(|b| (a.at - b.at).norm() < SAME_VIEW_M).count();
+    let same = |a: &Sensor| sensors.iter().filter(|b| (a.at_map - b.at_map).norm() < SAME_VIEW_M).count();
     sensors.iter().map(|a| (same(a) as f64).recip()).collect()
 }
 

@@ -119,8 +119,11 @@ impl Heights {
             let bin = relative / BIN_M;
             if bin >= 0.0 && bin < BINS as f64 {
                 let k = cell * BINS + whole(bin);
-                self.counts[k] = self.counts[k].saturating_add(1);
-                self.sums[k] += relative as f32;
+                // What can no longer be counted would shift the mean.
+                if let Some(count) = self.counts[k].checked_add(1) {
+                    self.counts[k] = count;
+                    self.sums[k] += relative as f32;
+                }
             }
         }
     }
@@ -312,6 +315,17 @@ mod tests {
         let mut heights = Heights::new(&path, &path_index, grid);
         heights.add(points.into_iter());
         Ground::grow(heights, &path, &GroundConfig::default())
+    }
+
+    #[test]
+    fn more_points_than_can_be_counted_do_not_raise_the_ground() {
+        let centres: Vec<_> = (0..10).map(|i| Point3::new(0.0, 0.0, f64::from(i))).collect();
+        let Corridor { path, path_index, grid, .. } = Corridor::new(&centres, &CloudConfig::default(), 1.0);
+        let mut heights = Heights::new(&path, &path_index, grid);
+        heights.add(std::iter::repeat_n(Point3::new(0.5, 1.65, 4.5), 100_000));
+        let cell = heights.grid.index(&Point2::new(0.5, 4.5)).unwrap();
+        let lowest_m = heights.lowest(cell, 4).unwrap();
+        assert!((lowest_m + 1.65).abs() < 0.02, "{lowest_m}");
     }
 
     #[test]

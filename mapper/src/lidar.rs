@@ -43,7 +43,7 @@ impl Default for LidarConfig {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sensor {
     /// Its place, map frame, metres.
-    pub at: Point3<f64>,
+    pub at_map: Point3<f64>,
     /// How far its level plane rises per metre along map x and z: a vehicle on a
     /// slope looks up and down with it.
     pub rise: Vector2<f64>,
@@ -55,20 +55,20 @@ impl Sensor {
         let up = map_from_velodyne.rotation * Vector3::z();
         // On its side it has no level plane over the map's.
         let rise = if up.y < -0.1 { Vector2::new(up.x, up.z) / up.y } else { Vector2::zeros() };
-        Self { at: map_from_velodyne.translation.vector.into(), rise }
+        Self { at_map: map_from_velodyne.translation.vector.into(), rise }
     }
 
     /// Its view of what stands at map (x, z).
     pub fn view_of(&self, place: &Vector2<f64>, lidar: &LidarConfig) -> Viewpoint {
-        let view = place - Vector2::new(self.at.x, self.at.z);
+        let view = place - Vector2::new(self.at_map.x, self.at_map.z);
         let direction = view.try_normalize(1e-6).unwrap_or_else(Vector2::zeros);
         self.view_along(&direction, view.norm(), lidar)
     }
 
     /// The same by its direction, map (x, z) of unit length, and distance (metres).
     pub fn view_along(&self, direction: &Vector2<f64>, distance_m: f64, lidar: &LidarConfig) -> Viewpoint {
-        let (height, rise) = (lidar.apex_m - self.at.y, self.rise.dot(direction));
-        Viewpoint { distance_m, height, rise, weight: 1.0 }
+        let (height_m, rise) = (lidar.apex_m - self.at_map.y, self.rise.dot(direction));
+        Viewpoint { distance_m, height_m, rise, weight: 1.0 }
     }
 }
 
@@ -78,7 +78,7 @@ pub struct Viewpoint {
     /// Horizontal distance of the lidar, metres.
     pub distance_m: f64,
     /// Height that its beams come from, along -y of the map, metres.
-    pub height: f64,
+    pub height_m: f64,
     /// How far its level plane rises towards the object, per metre.
     pub rise: f64,
     /// What the scan counts: a vehicle that stands sees the same again.
@@ -89,12 +89,12 @@ impl Viewpoint {
     /// Elevation of the beam to a height (along -y of the map, metres) of the
     /// object, radians.
     pub fn elevation_rad(&self, height: f64) -> f64 {
-        ((height - self.height) / self.distance_m - self.rise).atan()
+        ((height - self.height_m) / self.distance_m - self.rise).atan()
     }
 
     /// Height of the object, along -y of the map, that the highest beam meets.
     pub fn ceiling(&self, lidar: &LidarConfig) -> f64 {
-        self.height + self.distance_m * (self.rise + lidar.highest_rad.tan())
+        self.height_m + self.distance_m * (self.rise + lidar.highest_rad.tan())
     }
 }
 
@@ -166,7 +166,7 @@ mod tests {
     #[test]
     fn nearer_objects_get_more_points_and_high_ones_none() {
         let lidar = LidarConfig::default();
-        let from = |distance_m: f64| Viewpoint { distance_m, height: 1.7, rise: 0.0, weight: 1.0 };
+        let from = |distance_m: f64| Viewpoint { distance_m, height_m: 1.7, rise: 0.0, weight: 1.0 };
         let near = View::new([from(5.0)].into_iter(), 60.0, &lidar);
         let far = View::new([from(10.0)].into_iter(), 60.0, &lidar);
         assert!((near.expected(1.0, 0.2, 0.1) / far.expected(1.0, 0.2, 0.1) - 4.0).abs() < 1e-9);

@@ -2,9 +2,30 @@
 
 use std::ops::RangeInclusive;
 
-use nalgebra::{Point2, Point3, Vector2};
+use nalgebra::{Point, Point2, Point3, Vector2, distance};
 
 use crate::grid::Grid;
+
+/// The way along places that follow each other: it goes on where one is farther than
+/// [`SHORTEST_STEP_M`] from the last that it counted. So a vehicle that stands drives
+/// no way, however its positions shake.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Way<const D: usize> {
+    counted: Option<Point<f64, D>>,
+    driven_m: f64,
+}
+
+impl<const D: usize> Way<D> {
+    /// Way to the next place, metres: never less than that to the place before.
+    pub fn to(&mut self, place: Point<f64, D>) -> f64 {
+        let step_m = self.counted.map_or(f64::INFINITY, |counted| distance(&counted, &place));
+        if step_m > SHORTEST_STEP_M {
+            self.driven_m += self.counted.map_or(0.0, |_| step_m);
+            self.counted = Some(place);
+        }
+        self.driven_m
+    }
+}
 
 /// A place relative to the path: `station_m` along it from its first vertex,
 /// `offset_m` to the right of it.
@@ -317,6 +338,16 @@ mod tests {
     fn right_is_positive() {
         let path = Path::new(&[Point3::origin(), Point3::new(0.0, 0.0, 9.0)], 0.0);
         assert!(path.place(&Point2::new(2.0, 4.0)).offset_m > 1.9);
+    }
+
+    #[test]
+    fn a_vehicle_that_stands_drives_no_way() {
+        let mut way = Way::default();
+        let shaking = |i: i32| Point2::new(0.02 * f64::from(i % 3), 0.03 * f64::from(i % 2));
+        let ways_m: Vec<f64> = (0..1800).map(|i| way.to(shaking(i))).collect();
+        assert!(ways_m.iter().all(|way_m| *way_m < 1e-12));
+        let on = [way.to(Point2::new(0.0, 2.0)), way.to(Point2::new(0.0, 1.8)), way.to(Point2::new(0.0, 3.5))];
+        assert!(on.iter().zip([2.0, 2.0, 3.5]).all(|(found, true_m)| (found - true_m).abs() < 1e-12), "{on:?}");
     }
 
     #[test]

@@ -4,11 +4,12 @@ use std::ops::Range;
 
 use common::geometry::Pose;
 use common::map::Road;
-use nalgebra::{Point3, Vector2, Vector3};
+use nalgebra::{Point3, Vector2, Vector3, distance};
 use serde::{Deserialize, Serialize};
 
 use crate::fuse::Buckets;
 use crate::lanes::simplify;
+use crate::path::Way;
 
 /// How the drive is cut into roads and windows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -88,15 +89,10 @@ pub fn stretches(map_from_camera: &[Pose], first: usize, last: usize, config: &R
         .collect()
 }
 
-/// Way driven to each pose, metres.
+/// Way driven to each pose, metres, ascending.
 pub(crate) fn driven_m(poses: &[Pose]) -> Vec<f64> {
-    let steps = poses.windows(2).map(|w| (w[1].translation.vector - w[0].translation.vector).norm());
-    let mut driven = vec![0.0];
-    driven.extend(steps.scan(0.0, |way, step| {
-        *way += step;
-        Some(*way)
-    }));
-    driven
+    let mut way = Way::default();
+    poses.iter().map(|pose| way.to(Point3::from(pose.translation.vector))).collect()
 }
 
 /// Cuts a way, given by the distance driven to each of its frames, into pieces
@@ -167,8 +163,13 @@ pub(crate) fn runs<T: PartialEq>(values: &[T]) -> Vec<Range<usize>> {
 
 /// The road of a stretch.
 pub fn road(map_from_camera: &[Pose], stretch: &Stretch, config: &RoadConfig) -> Road {
-    let centres: Vec<Point3<f64>> =
+    let mut centres: Vec<Point3<f64>> =
         map_from_camera[stretch.first..=stretch.last].iter().map(|p| p.translation.vector.into()).collect();
+    // A vehicle that stands is at one place, however long: but for the end, where
+    // the next stretch begins.
+    let end = centres.pop();
+    centres.dedup_by(|next, kept| distance(next, kept) < config.tolerance_m);
+    centres.extend(end);
     let kept = simplify(&centres, config.tolerance_m);
     Road { path_map: kept.into_iter().map(|i| centres[i]).collect() }
 }
@@ -190,6 +191,21 @@ mod tests {
     fn a_vehicle_that_stands_still_has_one_stretch() {
         let cut = stretches(&[Pose::identity(); 4], 0, 3, &RoadConfig::default());
         assert_eq!(cut, vec![Stretch { first: 0, last: 3, is_again: false }]);
+    }
+
+    /// 60 m, three minutes at a light, where the positions shake, and 60 m.
+    fn with_a_stop() -> Vec<Pose> {
+        let ahead = |i: i32| Pose::translation(0.0, 0.0, f64::from(i));
+        let shaking = |i: i32| Pose::translation(0.02 * f64::from(i % 3), 0.0, 60.0 + 0.02 * f64::from(i % 2));
+        (0..60).map(ahead).chain((0..1800).map(shaking)).chain((60..=120).map(ahead)).collect()
+    }
+
+    #[test]
+    fn a_stop_makes_no_stretch_and_nothing_behind_it_is_driven_again() {
+        let poses = with_a_stop();
+        let cut = stretches(&poses, 0, poses.len() - 1, &RoadConfig::default());
+        assert_eq!(cut.len(), 2, "{cut:?}");
+        assert!(cut.iter().all(|stretch| !stretch.is_again), "{cut:?}");
     }
 
     /// Up a street of 300 m, round a block, and the street again: on the next
@@ -221,6 +237,13 @@ mod tests {
             .map(|(i, p)| Pose::translation(0.0, if i > 405 { -6.0 } else { 0.0 }, 0.0) * p)
             .collect();
         assert!(stretches(&bridge, 0, bridge.len() - 1, &RoadConfig::default()).iter().all(|s| !s.is_again));
+    }
+
+    #[test]
+    fn a_stop_costs_the_road_no_vertex() {
+        let poses = with_a_stop();
+        let stretch = Stretch { first: 0, last: poses.len() - 1, is_again: false };
+        assert_eq!(road(&poses, &stretch, &RoadConfig::default()).path_map.len(), 2);
     }
 
     #[test]

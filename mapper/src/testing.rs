@@ -98,7 +98,7 @@ impl Street {
         let centres: Vec<Point3<f64>> = (0..=60).map(|z| Point3::new(0.0, 0.0, f64::from(z))).collect();
         let config = GroundConfig::default();
         let corridor = Corridor::new(&centres, &CloudConfig::default(), config.cell_m);
-        let sensors = self.sensors.into_iter().map(|at| Sensor { at, rise: Vector2::zeros() }).collect();
+        let sensors = self.sensors.into_iter().map(|at_map| Sensor { at_map, rise: Vector2::zeros() }).collect();
         Cloud::over(corridor, self.points, sensors, Vec::new(), &config)
     }
 }

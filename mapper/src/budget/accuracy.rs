@@ -1,7 +1,7 @@
 //! How well a camera is expected to be localized along a map's roads.
 
 use common::map::SemanticMap;
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{Matrix3, Matrix6, Vector6};
 use serde::{Deserialize, Serialize};
 
 use super::BudgetConfig;
@@ -69,12 +69,14 @@ pub fn predict(map: &SemanticMap, evidence: &MapEvidence, places: &Places, confi
     }
     let before = before(config);
     let drift = Matrix6::from_diagonal(&Vector6::from(config.drift_sigma.map(|sigma| sigma * sigma)));
-    let mut last: Option<Matrix6<f64>> = None;
+    // In the axes of the camera there, as all that is known at a place.
+    let mut last: Option<(Matrix3<f64>, Matrix6<f64>)> = None;
     let mut sigmas: [Vec<f64>; 3] = Default::default();
     let mut square_m2 = 0.0;
     for (place, told) in places.list.iter().zip(&told) {
-        let carried = place.after_m.zip(last).and_then(|(metres, last)| {
-            let information = (last + drift * metres).try_inverse()?;
+        let carried = place.after_m.zip(last).and_then(|(metres, (camera_from_map, last))| {
+            let turn = both(&(place.camera_from_map * camera_from_map.transpose()));
+            let information = (turn * last * turn.transpose() + drift * metres).try_inverse()?;
             Some(information + before * (metres / ANEW_M))
         });
         let covariance = (carried.unwrap_or(before) + told).try_inverse().unwrap_or_else(Matrix6::zeros);
@@ -82,7 +84,7 @@ pub fn predict(map: &SemanticMap, evidence: &MapEvidence, places: &Places, confi
             list.push(covariance[(axis, axis)].max(0.0).sqrt());
         }
         square_m2 += covariance[(LATERAL, LATERAL)] + covariance[(LONGITUDINAL, LONGITUDINAL)];
-        last = Some(covariance);
+        last = Some((place.camera_from_map, covariance));
     }
     let [lateral, longitudinal, heading] = sigmas;
     Accuracy {
@@ -91,6 +93,14 @@ pub fn predict(map: &SemanticMap, evidence: &MapEvidence, places: &Places, confi
         heading_rad: figure(heading),
         position_rms_m: (square_m2 / places.list.len().max(1) as f64).sqrt(),
     }
+}
+
+/// Turns positions and rotations alike.
+fn both(turn: &Matrix3<f64>) -> Matrix6<f64> {
+    let mut both = Matrix6::zeros();
+    both.fixed_view_mut::<3, 3>(0, 0).copy_from(turn);
+    both.fixed_view_mut::<3, 3>(3, 3).copy_from(turn);
+    both
 }
 
 fn figure(mut sigmas: Vec<f64>) -> Figure {

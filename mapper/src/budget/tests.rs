@@ -130,6 +130,29 @@ fn a_simpler_line_has_its_marks_where_they_were() {
 }
 
 #[test]
+fn behind_a_corner_what_was_unknown_along_the_road_is_unknown_across_it() {
+    let path = |ends: &[[f64; 2]]| ends.iter().map(|[x, z]| Point3::new(*x, 0.0, *z)).collect::<Vec<_>>();
+    let line = |x: f64| LaneLine {
+        kind: LaneKind::Solid,
+        points_map: vec![Point3::new(x, 1.6, 0.0), Point3::new(x, 1.6, 140.0)],
+        road: RoadId(0),
+        marks_m: Vec::new(),
+    };
+    let expected = |ends: &[[f64; 2]]| {
+        let roads = vec![Road { path_map: path(ends) }];
+        let map = SemanticMap { roads, lanes: vec![line(-1.8), line(1.8)], ..SemanticMap::default() };
+        let evidence = MapEvidence::assumed(&map, &EvidenceConfig::default());
+        let config = BudgetConfig::default();
+        predict(&map, &evidence, &Places::along(&map.roads, &config), &config)
+    };
+    // Lines say nothing of how far along them the camera is.
+    let straight = expected(&[[0.0, 0.0], [0.0, 100.0]]);
+    assert!(straight.lateral_m.worst < 0.2 && straight.longitudinal_m.median > 0.5, "{straight:?}");
+    let corner = expected(&[[0.0, 0.0], [0.0, 100.0], [2.0, 100.0]]);
+    assert!(corner.lateral_m.median < 0.2 && corner.lateral_m.worst > 0.5, "{corner:?}");
+}
+
+#[test]
 fn the_lonely_landmarks_are_kept_before_the_many() {
     let all = reduced(usize::MAX).unwrap();
     let few = reduced(all.bytes.len() / 3).unwrap();

@@ -70,7 +70,7 @@ fn hits(cloud: &Cloud, pole: &Pole, config: &EvidenceConfig) -> Vec<Hit> {
         if !(0.0..=1.0).contains(&share) || off_m.norm() > config.reach_m + LARGEST_RADIUS_M {
             return None;
         }
-        let sensor = cloud.sensors.get(usize::from(p.scan))?.at;
+        let sensor = cloud.sensors.get(usize::from(p.scan))?.at_map;
         let from_lidar = Vector2::new(axis.x - sensor.x, axis.z - sensor.z).try_normalize(1e-6)?;
         Some(Hit { off_m, from_lidar, height_m: -p.position.y, scan: p.scan })
     };

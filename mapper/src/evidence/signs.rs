@@ -30,7 +30,7 @@ pub fn of_sign(cloud: &Cloud, sign: &Sign, config: &EvidenceConfig, lidar: &Lida
     let floor = Matrix3::identity() * config.floor_m.powi(2);
     let view = points
         .iter()
-        .filter_map(|p| Some(at - cloud.sensors.get(usize::from(p.scan))?.at))
+        .filter_map(|p| Some(at - cloud.sensors.get(usize::from(p.scan))?.at_map))
         .map(|d| Vector3::new(d.x, 0.0, d.z))
         .sum::<Vector3<f64>>();
     let Some(deep) = view.try_normalize(1e-6).filter(|_| points.len() >= FEWEST) else {

@@ -27,7 +27,7 @@ use super::survey::{Placement, Poses, assumed_times_s};
 use crate::drive::{Choice, Drive, Survey};
 use crate::error::{Error, Result};
 use crate::lidar::LidarConfig;
-use crate::path::Path as DrivenPath;
+use crate::path::{Path as DrivenPath, Way};
 
 /// Points that are read at a time.
 const CHUNK: u64 = 1 << 18;
@@ -162,7 +162,7 @@ struct Cutter<'a> {
     velodyne_from_map: Vec<Pose>,
     times_s: Option<Vec<f64>>,
     path: DrivenPath,
-    /// Station of each place along the path, metres.
+    /// Station of each place along the path, metres, ascending.
     stations_m: Vec<f64>,
     max_range_m: f64,
     config: &'a InputConfig,
@@ -180,14 +180,8 @@ impl<'a> Cutter<'a> {
         let of = |place: &usize| map_from_camera[*place] * placement.camera_from_velodyne;
         let centres: Vec<Point3<f64>> = places.iter().map(|p| of(p).translation.vector.into()).collect();
         let path = DrivenPath::new(&centres, 0.0);
-        let mut station_m = 0.0;
-        let stations_m = (0..centres.len())
-            .map(|i| {
-                let step = if i > 0 { centres[i] - centres[i - 1] } else { nalgebra::Vector3::zeros() };
-                station_m += step.x.hypot(step.z);
-                station_m
-            })
-            .collect();
+        let mut way = Way::default();
+        let stations_m = centres.iter().map(|c| way.to(Point2::new(c.x, c.z))).collect();
         Self {
             placement,
             places,

@@ -324,3 +324,24 @@ fn a_stitched_cloud_is_cut_by_time_or_by_position() {
         open_stitched(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default()).unwrap_err().to_string();
     assert!(said.contains("none of its 160 points is near the poses of"), "{said}");
 }
+
+#[test]
+fn a_stitched_cloud_of_a_drive_with_a_stop_is_cut_where_its_places_are() {
+    let root = tempfile::tempdir().unwrap();
+    let (cloud, survey) = (root.path().join("cloud.las"), root.path().join("poses.txt"));
+    // 20 m, 300 poses that shake, 20 m.
+    let x_m = |i: i32| if i < 300 { 5.0 * f64::from(i.min(4)) } else { 5.0 * f64::from(i - 295) };
+    let row = |i: i32| format!("{} {} {} 1.75 0 0 0 1\n", 50 + i, x_m(i), 0.03 * f64::from(i % 3));
+    std::fs::write(&survey, (0..304).map(row).collect::<String>()).unwrap();
+    let points: Vec<ScanPoint> = (0..160)
+        .map(|i| ScanPoint { x_m: f32::from(i as i16) * 0.25, y_m: 3.0, z_m: 1.75, reflectance: 40_000.0 })
+        .collect();
+    write_las(&cloud, &points, None);
+    let input =
+        ScanInput { path: &cloud, survey: &survey, frame: SurveyFrame::Lidar, calibration: None, scan_times: None };
+    let drive = open_stitched(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default()).unwrap();
+    for frame in &drive.frames {
+        let scan = drive.read(*frame, 0.0).unwrap();
+        assert!(scan.points.iter().all(|p| p.x.abs() < 2.7), "{frame}: {:?}", scan.points);
+    }
+}

@@ -15,38 +15,40 @@ use crate::sheeting::Glance;
 /// A point near a stack: place, height along -y, and direction from the lidar.
 #[derive(Clone, Copy)]
 pub(super) struct Hit {
-    pub at: Vector2<f64>,
-    pub height: f64,
-    pub above_ground: f64,
+    /// Map (x, z), metres.
+    pub at_map: Vector2<f64>,
+    /// Along -y of the map, metres.
+    pub height_m: f64,
+    pub above_ground_m: f64,
     pub from_lidar: Vector2<f64>,
     pub scan: u16,
     /// Elevation of the ray from the lidar, radians.
     pub elevation_rad: f64,
-    pub range: f64,
+    pub range_m: f64,
     pub reflectance: f32,
 }
 
 impl Hit {
     pub fn new(p: &CloudPoint, cloud: &Cloud) -> Self {
-        let sensor = cloud.sensors[usize::from(p.scan)].at;
-        let at = Vector2::new(p.position.x, p.position.z);
-        let ray = at - Vector2::new(sensor.x, sensor.z);
+        let sensor = cloud.sensors[usize::from(p.scan)].at_map;
+        let at_map = Vector2::new(p.position.x, p.position.z);
+        let ray = at_map - Vector2::new(sensor.x, sensor.z);
         let Glance { scan, from_lidar, range_m, reflectance } = cloud.glance(p);
         Self {
-            at,
-            height: -p.position.y,
-            above_ground: f64::from(p.height_m),
+            at_map,
+            height_m: -p.position.y,
+            above_ground_m: f64::from(p.height_m),
             from_lidar,
             scan,
             elevation_rad: (sensor.y - p.position.y).atan2(ray.norm()),
-            range: range_m,
+            range_m,
             reflectance,
         }
     }
 
     /// As seen from the lidar.
     pub fn glance(&self) -> Glance {
-        Glance { scan: self.scan, from_lidar: self.from_lidar, range_m: self.range, reflectance: self.reflectance }
+        Glance { scan: self.scan, from_lidar: self.from_lidar, range_m: self.range_m, reflectance: self.reflectance }
     }
 
     /// Which beam of the lidar it is of.
@@ -82,7 +84,7 @@ impl Axis {
 
     #[inline]
     pub fn residual(&self, hit: &Hit) -> Vector2<f64> {
-        hit.at - (self.at(hit.height) - hit.from_lidar * self.before_m)
+        hit.at_map - (self.at(hit.height_m) - hit.from_lidar * self.before_m)
     }
 
     /// The axis in the surface that some hits are on, as it lies from where they were seen.
@@ -94,7 +96,7 @@ impl Axis {
     /// Distance of a hit from the axis across the view, metres.
     #[inline]
     pub fn across_m(&self, hit: &Hit) -> f64 {
-        (hit.at - self.at(hit.height)).perp(&hit.from_lidar).abs()
+        (hit.at_map - self.at(hit.height_m)).perp(&hit.from_lidar).abs()
     }
 }
 
@@ -111,7 +113,7 @@ const SLOPE_BASE_M: f64 = 0.3;
 pub(super) fn ransac(hits: &[Hit], inlier_m: f64, plumb: &Plumb, config: &PoleConfig) -> Option<Axis> {
     let mut rng = Pcg64Mcg::seed_from_u64(hits.len() as u64);
     let steepest = config.largest_tilt_rad.tan();
-    let through = |h: &Hit, slope: Vector2<f64>| Axis::new(h.at - slope * h.height, slope);
+    let through = |h: &Hit, slope: Vector2<f64>| Axis::new(h.at_map - slope * h.height_m, slope);
     let mut best = (f64::NEG_INFINITY, through(hits.first()?, plumb.slope));
     let mut try_axis = |axis: Axis| {
         // MSAC: a truncated square tells a tight line from a loose one.
@@ -133,9 +135,9 @@ pub(super) fn ransac(hits: &[Hit], inlier_m: f64, plumb: &Plumb, config: &PoleCo
         let b = &hits[rng.random_range(0..hits.len())];
         // Short stacks do not tell their tilt: the plumb line is a candidate.
         try_axis(through(a, plumb.slope));
-        let rise = a.height - b.height;
+        let rise = a.height_m - b.height_m;
         if rise.abs() > SLOPE_BASE_M {
-            let slope = (a.at - b.at) / rise;
+            let slope = (a.at_map - b.at_map) / rise;
             if slope.norm() <= steepest {
                 try_axis(through(a, slope));
             }
@@ -190,13 +192,13 @@ struct OfScan {
 /// many hits of one beam say little more than one.
 pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, shared: Shared, config: &PoleConfig) -> Axis {
     let mut axis = start;
-    let middle = hits.iter().map(|h| h.height).sum::<f64>() / hits.len() as f64;
+    let middle = hits.iter().map(|h| h.height_m).sum::<f64>() / hits.len() as f64;
     let scans = hits.iter().map(|h| usize::from(h.scan) + 1).max().unwrap_or(0);
     let none = OfScan { weight: 0.0, row: Vector5::zeros(), value: 0.0 };
     let shift = config.pose_noise_m.powi(2);
     let of_beam_m2: Vec<f64> =
         hits_of_beam(hits, shared, config).into_iter().map(|count| count * config.beam_noise_m.powi(2)).collect();
-    let value = |h: &Hit| [h.at.dot(&h.from_lidar), h.at.dot(&Vector2::new(-h.from_lidar.y, h.from_lidar.x))];
+    let value = |h: &Hit| [h.at_map.dot(&h.from_lidar), h.at_map.dot(&Vector2::new(-h.from_lidar.y, h.from_lidar.x))];
     let values: Vec<[f64; 2]> = hits.iter().map(value).collect();
     let mut of_scans = vec![[none; 2]; scans];
     for _ in 0..8 {
@@ -207,7 +209,7 @@ pub(super) fn refine(hits: &[Hit], start: Axis, plumb: &Plumb, shared: Shared, c
         for ((hit, of_beam_m2), values) in hits.iter().zip(&of_beam_m2).zip(&values) {
             let scaled = axis.residual(hit).norm_squared() / (scale + shift);
             let robust = (1.0 + scaled / 4.0).powi(2).recip();
-            let t = hit.height - middle;
+            let t = hit.height_m - middle;
             let along = hit.from_lidar;
             let across = Vector2::new(-along.y, along.x);
             let weights = [robust / (scale + of_beam_m2), robust / scale];
@@ -281,7 +283,7 @@ fn slope_alone(information: Matrix5<f64>, right: &Vector5<f64>) -> (Vector2<f64>
 /// The hits of the slices where it is slimmest: a sign on a post is wider than
 /// the post, stands before it and reaches to one side, and would bend its axis.
 pub(super) fn slim(hits: &[Hit], axis: &Axis, config: &PoleConfig) -> Vec<Hit> {
-    let slice = |h: &Hit| (h.above_ground / config.slice_m).floor() as i64;
+    let slice = |h: &Hit| (h.above_ground_m / config.slice_m).floor() as i64;
     let mut sorted: Vec<(i64, f64)> = hits.iter().map(|h| (slice(h), axis.across_m(h))).collect();
     sorted.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
     let widths: Vec<(i64, f64)> = sorted
@@ -324,13 +326,13 @@ mod tests {
             let error_m = if beam == 3 { too_far_m } else { 0.0 };
             let height = 0.2 * (1.0 + f64::from(beam));
             Hit {
-                at: from_lidar * (error_m - 0.04) + across,
-                height,
-                above_ground: height,
+                at_map: from_lidar * (error_m - 0.04) + across,
+                height_m: height,
+                above_ground_m: height,
                 from_lidar,
                 scan,
                 elevation_rad: 0.03 * f64::from(beam),
-                range: 8.0,
+                range_m: 8.0,
                 reflectance: 0.3,
             }
         };

@@ -24,17 +24,17 @@ const ON_THE_OTHER_SIDE: f64 = -0.5;
 #[derive(Clone, Copy)]
 pub(super) struct Spot {
     /// Map (x, z), metres.
-    pub at: Vector2<f64>,
+    pub at_map: Vector2<f64>,
     /// Along -y of the map, metres.
-    pub height: f64,
-    pub above_ground: f64,
+    pub height_m: f64,
+    pub above_ground_m: f64,
     pub scan: u16,
 }
 
 impl Spot {
     pub fn new(p: &CloudPoint) -> Self {
-        let at = Vector2::new(p.position.x, p.position.z);
-        Self { at, height: -p.position.y, above_ground: f64::from(p.height_m), scan: p.scan }
+        let at_map = Vector2::new(p.position.x, p.position.z);
+        Self { at_map, height_m: -p.position.y, above_ground_m: f64::from(p.height_m), scan: p.scan }
     }
 }
 
@@ -70,8 +70,8 @@ pub(super) fn rail(
     let layers = (2.0 * (high_m - low_m) / LAYER_M) as usize + 1;
     let beside: Vec<(Vector2<f64>, usize)> = spots
         .iter()
-        .filter(|h| h.above_ground >= low_m && h.above_ground <= high_m)
-        .map(|h| (h.at - axis.at(h.height), (2.0 * (h.above_ground - low_m) / LAYER_M) as usize))
+        .filter(|h| h.above_ground_m >= low_m && h.above_ground_m <= high_m)
+        .map(|h| (h.at_map - axis.at(h.height_m), (2.0 * (h.above_ground_m - low_m) / LAYER_M) as usize))
         .filter(|(off, layer)| (from_m..from_m + config.rail_m).contains(&off.norm()) && *layer < layers)
         .collect();
     let ways: Vec<Vector2<f64>> = ways()

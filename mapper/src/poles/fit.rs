@@ -111,15 +111,15 @@ const FEWEST_BESIDE: u32 = 3;
 /// Whoever walks by is there in one scan, and behind a gap it is a background.
 fn attached_share(spots: &[Spot], axis: &Axis, radius_m: f64, (low_m, high_m): (f64, f64), config: &PoleConfig) -> f64 {
     let (from_m, to_m) = (radius_m + config.gap_from_m, radius_m + config.gap_to_m);
-    let slice = |above_ground: f64| ((above_ground - low_m) / config.slice_m) as usize;
+    let slice = |above_ground_m: f64| ((above_ground_m - low_m) / config.slice_m) as usize;
     let count = slice(high_m) + 1;
     let mut core = vec![(0_u32, 0_u64); count];
     let mut beside = vec![(0_u32, 0_u64); count];
-    for spot in spots.iter().filter(|s| s.above_ground >= low_m && s.above_ground <= high_m) {
-        let off = (spot.at - axis.at(spot.height)).norm();
+    for spot in spots.iter().filter(|s| s.above_ground_m >= low_m && s.above_ground_m <= high_m) {
+        let off = (spot.at_map - axis.at(spot.height_m)).norm();
         if off < to_m {
             let of = if off < from_m { &mut core } else { &mut beside };
-            let cell = &mut of[slice(spot.above_ground)];
+            let cell = &mut of[slice(spot.above_ground_m)];
             cell.0 += 1;
             cell.1 |= 1 << (spot.scan % 64);
         }
@@ -180,7 +180,7 @@ pub fn fit_pole<'a>(
     let is_beside = |p: &CloudPoint, axis: &Axis, reach_m: f64| {
         (at(p) - axis.at(-p.position.y)).norm_squared() < (reach_m + ROUNDING_M).powi(2)
     };
-    let middle = in_run.iter().map(|h| h.height).sum::<f64>() / in_run.len() as f64;
+    let middle = in_run.iter().map(|h| h.height_m).sum::<f64>() / in_run.len() as f64;
     // Follows the axis up and down as far as points go on without a gap.
     let along = |axis: &Axis, reach_m: f64| {
         let mut on: Vec<Hit> = near
@@ -190,10 +190,10 @@ pub fn fit_pole<'a>(
             .map(|p| Hit::new(p, cloud))
             .filter(|h| axis.residual(h).norm() < reach_m)
             .collect();
-        on.sort_by(|a, b| a.height.total_cmp(&b.height));
-        let joined = |w: &[Hit]| w[1].height - w[0].height < config.longest_gap_m;
-        let run = on.chunk_by(|a, b| joined(&[*a, *b])).find(|c| c.last().is_some_and(|h| h.height >= middle))?;
-        let free: Vec<Hit> = run.iter().copied().filter(|h| stack.is_free(h.above_ground, config)).collect();
+        on.sort_by(|a, b| a.height_m.total_cmp(&b.height_m));
+        let joined = |w: &[Hit]| w[1].height_m - w[0].height_m < config.longest_gap_m;
+        let run = on.chunk_by(|a, b| joined(&[*a, *b])).find(|c| c.last().is_some_and(|h| h.height_m >= middle))?;
+        let free: Vec<Hit> = run.iter().copied().filter(|h| stack.is_free(h.above_ground_m, config)).collect();
         (free.len() >= config.fewest_points).then(|| (run.to_vec(), Free::new(free, config)))
     };
     let (mut run, mut free) = along(&axis, inlier_m)?;
@@ -220,7 +220,7 @@ pub fn fit_pole<'a>(
     }
     let reach_m = pole.radius_m + config.gap_to_m.max(config.gap_from_m + config.rail_m);
     let around: Vec<Spot> = near.iter().filter(|p| is_beside(p, &axis, reach_m)).map(Spot::new).collect();
-    let ends_m = (run.first()?.above_ground, run.last()?.above_ground);
+    let ends_m = (run.first()?.above_ground_m, run.last()?.above_ground_m);
     pole.attached_share = attached_share(&around, &axis, pole.radius_m, ends_m, config);
     // Plates of signs are flat, too, but higher up.
     let wall_top_m = stack.low_m.max(config.sheet_m[0]);
@@ -257,7 +257,7 @@ impl Free {
         let mut scans: Vec<u16> = hits.iter().map(|h| h.scan).collect();
         scans.sort_unstable();
         scans.dedup();
-        let mut slices: Vec<i64> = hits.iter().map(|h| (h.above_ground / config.slice_m).floor() as i64).collect();
+        let mut slices: Vec<i64> = hits.iter().map(|h| (h.above_ground_m / config.slice_m).floor() as i64).collect();
         slices.sort_unstable();
         slices.dedup();
         Self { hits, scans: scans.len(), slices }
@@ -295,10 +295,10 @@ fn reflectance(hits: &[Hit], config: &PoleConfig, sheeting: &SheetingConfig) -> 
     if third < least {
         return third;
     }
-    let heights = || hits.iter().filter(|h| h.reflectance >= least).map(|h| h.above_ground);
+    let heights = || hits.iter().filter(|h| h.reflectance >= least).map(|h| h.above_ground_m);
     let (low_m, high_m) = (heights().fold(f64::INFINITY, f64::min), heights().fold(f64::NEG_INFINITY, f64::max));
     let there: Vec<Glance> =
-        hits.iter().filter(|h| (low_m..=high_m).contains(&h.above_ground)).map(Hit::glance).collect();
+        hits.iter().filter(|h| (low_m..=high_m).contains(&h.above_ground_m)).map(Hit::glance).collect();
     if sheeting.is_steady(&there, least) { third } else { bright[bright.len() / 2] }
 }
 
@@ -307,9 +307,9 @@ fn reflectance(hits: &[Hit], config: &PoleConfig, sheeting: &SheetingConfig) -> 
 fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar: &LidarConfig) -> Option<FittedPole> {
     let residuals: f64 = seen.post.iter().map(|h| axis.residual(h).norm_squared()).sum();
     let radius_m = radius_across(seen.post, axis, config);
-    let beams = seen.post.iter().map(|h| (config.beam_rad * h.range).powi(2)).sum::<f64>();
+    let beams = seen.post.iter().map(|h| (config.beam_rad * h.range_m).powi(2)).sum::<f64>();
     let explained = (SHELL_SPREAD * radius_m).powi(2) + beams / seen.post.len() as f64;
-    let (lowest, highest) = (seen.run.first()?.height, seen.run.last()?.height);
+    let (lowest, highest) = (seen.run.first()?.height_m, seen.run.last()?.height_m);
     let foot = ground_under(cloud, axis, lowest, config)?;
     let mut foot_height_m = lowest - foot;
     if foot_height_m < config.foot_m {
@@ -317,8 +317,8 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
     }
     let middle = axis.at(f64::midpoint(lowest, highest));
     let view = viewpoints(cloud, middle, config, lidar);
-    let near =
-        cloud.sensors.iter().filter(|s| (Vector2::new(s.at.x, s.at.z) - middle).norm() < config.farthest_m).count();
+    let off_m = |at_map: &Point3<f64>| (Vector2::new(at_map.x, at_map.z) - middle).norm();
+    let near = cloud.sensors.iter().filter(|s| off_m(&s.at_map) < config.farthest_m).count();
     let width_m = 2.0 * radius_m;
     let expected: f64 = seen
         .free
@@ -341,7 +341,7 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
         scans: seen.free.scans,
         scans_near: near,
         visibility: hit / expected.max(1.0),
-        nearest_hit_m: seen.post.iter().map(|h| h.range).fold(f64::INFINITY, f64::min),
+        nearest_hit_m: seen.post.iter().map(|h| h.range_m).fold(f64::INFINITY, f64::min),
         free_m: seen.free.length_m(config),
         top_is_open: highest > view.ceiling() - config.open_top_m,
         attached_share: 0.0,
@@ -349,7 +349,7 @@ fn describe(cloud: &Cloud, seen: &Seen, axis: &Axis, config: &PoleConfig, lidar:
         rail: None,
         reflectance: reflectance(seen.run, config, &lidar.sheeting),
         bright_share: bright.len() as f64 / seen.run.len() as f64,
-        bright_top_m: bright.iter().rev().nth(2).map_or(0.0, |hit| hit.above_ground),
+        bright_top_m: bright.iter().rev().nth(2).map_or(0.0, |hit| hit.above_ground_m),
         shows_plates_alone: foot_height_m >= config.sheet_m[0] && is_plate(seen.post, axis, radius_m, config),
         slope: axis.slope,
         slope_of_hits: axis.slope_of_hits,

@@ -22,14 +22,14 @@ pub(super) fn is_plate(hits: &[Hit], axis: &Axis, radius_m: f64, config: &PoleCo
     }
     // How far behind the near side of a stem a hit lies along the view.
     let off_stem_m = |hit: &Hit| {
-        let off = hit.at - axis.at(hit.height);
+        let off = hit.at_map - axis.at(hit.height_m);
         off.dot(&hit.from_lidar) + (radius_m.powi(2) - off.perp(&hit.from_lidar).powi(2)).max(0.0).sqrt()
     };
     let (mut scatter, mut of_stem, mut free) = (Matrix2::zeros(), 0.0, 0);
     for row in rows.values().filter(|row| row.len() >= FEWEST_OF_ROW) {
         let count = row.len() as f64;
-        let mean = row.iter().map(|h| h.at).sum::<Vector2<f64>>() / count;
-        scatter += row.iter().map(|h| (h.at - mean) * (h.at - mean).transpose()).sum::<Matrix2<f64>>();
+        let mean = row.iter().map(|h| h.at_map).sum::<Vector2<f64>>() / count;
+        scatter += row.iter().map(|h| (h.at_map - mean) * (h.at_map - mean).transpose()).sum::<Matrix2<f64>>();
         let mean_m = row.iter().map(|h| off_stem_m(h)).sum::<f64>() / count;
         of_stem += row.iter().map(|h| (off_stem_m(h) - mean_m).powi(2)).sum::<f64>();
         free += row.len() - 1;
@@ -55,13 +55,13 @@ mod tests {
             let error_m = 0.02 * f64::from(beam % 3) + 0.03 * noise;
             let height = 2.0 + 0.1 * f64::from(beam);
             Hit {
-                at: Vector2::new(radius_m * across, 12.0 + along_m(across) + error_m),
-                height,
-                above_ground: height,
+                at_map: Vector2::new(radius_m * across, 12.0 + along_m(across) + error_m),
+                height_m: height,
+                above_ground_m: height,
                 from_lidar: Vector2::y(),
                 scan,
                 elevation_rad: 0.0075 * f64::from(beam),
-                range: 12.0,
+                range_m: 12.0,
                 reflectance: 0.3,
             }
         };

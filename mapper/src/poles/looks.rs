@@ -47,7 +47,7 @@ pub(super) fn looked_through(
     for (pole, fitted) in poles.iter().enumerate() {
         let middle = nalgebra::center(&fitted.foot, &fitted.top);
         for (scan, sensor) in cloud.sensors.iter().enumerate() {
-            let off = Vector2::new(middle.x - sensor.at.x, middle.z - sensor.at.z);
+            let off = Vector2::new(middle.x - sensor.at_map.x, middle.z - sensor.at_map.z);
             let distance_m = off.norm();
             let every_beam_hits = distance_m * lidar.azimuth_step_rad <= 2.0 * fitted.radius_m;
             let Some(view) = off.try_normalize(config.core_radius_m).filter(|_| every_beam_hits) else { continue };
@@ -62,7 +62,7 @@ pub(super) fn looked_through(
     }
     let count = |told: &mut [Told], p: &CloudPoint| {
         let scan = usize::from(p.scan);
-        let sensor = cloud.sensors[scan].at;
+        let sensor = cloud.sensors[scan].at_map;
         let off = Vector2::new(p.position.x - sensor.x, p.position.z - sensor.z);
         for name in &sectors[scan * SECTORS + sector(&off)] {
             let (look, told) = (&looks[*name as usize], &mut told[*name as usize]);

@@ -40,8 +40,8 @@ impl Default for WallConfig {
 pub(super) fn stands_on_wall(spots: &[Spot], axis: &Axis, top_m: f64, config: &PoleConfig) -> bool {
     let below: Vec<Vector2<f64>> = spots
         .iter()
-        .filter(|s| s.above_ground >= config.lowest_rail_m && s.above_ground < top_m)
-        .map(|s| s.at - axis.at(s.height))
+        .filter(|s| s.above_ground_m >= config.lowest_rail_m && s.above_ground_m < top_m)
+        .map(|s| s.at_map - axis.at(s.height_m))
         .collect();
     if below.len() < config.fewest_points {
         return false;
@@ -69,8 +69,8 @@ mod tests {
                 // Any value in -1..1.
                 let noise = (2.3 * f64::from(i)).sin();
                 let height = low_m + (high_m - low_m) * (0.5 + 0.5 * (12.9 * f64::from(i)).sin());
-                let at = Vector2::new(3.0 + from_m + (to_m - from_m) * share, 20.0 + depth_m * noise);
-                Spot { at, height, above_ground: height, scan: 0 }
+                let at_map = Vector2::new(3.0 + from_m + (to_m - from_m) * share, 20.0 + depth_m * noise);
+                Spot { at_map, height_m: height, above_ground_m: height, scan: 0 }
             })
             .collect()
     }
@@ -89,7 +89,7 @@ mod tests {
         assert!(!on_wall(&spots((0.4, 1.2), (-0.3, 0.3), 0.03)));
         let behind: Vec<Spot> = spots((0.4, 1.2), (-0.6, 0.6), 0.03)
             .into_iter()
-            .map(|spot| Spot { at: spot.at + Vector2::y() * 0.5, ..spot })
+            .map(|spot| Spot { at_map: spot.at_map + Vector2::y() * 0.5, ..spot })
             .collect();
         assert!(!on_wall(&behind));
         assert!(!on_wall(&spots((1.3, 2.0), (-0.6, 0.6), 0.03)));

@@ -34,6 +34,10 @@ pub struct AlignConfig {
     pub keep_scans: usize,
     /// Most iterations.
     pub max_iterations: usize,
+    /// Least share of a scan's surfaces that lie on the scans before it, for these
+    /// to tell how it moved: along generated drives it is more than half of every
+    /// fifth scan, more than a quarter of every twentieth.
+    pub least_overlap: f64,
 }
 
 impl Default for AlignConfig {
@@ -48,6 +52,7 @@ impl Default for AlignConfig {
             first_sigmas: 32.0,
             keep_scans: 10,
             max_iterations: 20,
+            least_overlap: 0.1,
         }
     }
 }

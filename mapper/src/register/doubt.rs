@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Matrix6, Vector3};
 
 use super::graph::{GraphConfig, Motion};
 use super::median;
+use crate::roads::runs;
 
 /// Steps that are looked at together, two to either side: a survey that lost its
 /// satellites is wrong for several, a scan that found no place for one.
@@ -63,33 +64,34 @@ fn squared_sigmas(
 }
 
 /// The accuracy of the survey's positions, metres per axis, that its distances
-/// have beside those of the scans: no better than stated, and none of what the
-/// scans leave open is put down to it. Distances do not feel a misalignment of
-/// the axes.
+/// have beside those of the scans, whose poses and the way driven to them are
+/// given: no better than stated, and none of what the scans leave open is put
+/// down to it. Distances do not feel a misalignment of the axes.
 pub(super) fn survey_sigma_m(
     survey: &[Pose],
+    (registered, driven_m): (&[Pose], &[f64]),
     motions: &[Motion],
     weights: &[Matrix6<f64>],
     config: &GraphConfig,
 ) -> f64 {
-    let mut registered = vec![Pose::identity()];
-    let (mut driven_m, mut variance_m2) = (vec![0.0], vec![0.0]);
+    let mut variance_m2 = vec![0.0];
     for (k, (motion, weight)) in motions.iter().zip(weights).enumerate() {
         let way = motion.before_from_after.translation.vector;
         let along = motion.before_from_after.rotation.inverse() * way.try_normalize(1e-6).unwrap_or_else(Vector3::z);
         let covariance = weight.try_inverse().unwrap_or_else(Matrix6::zeros);
-        registered.push(registered[k] * motion.before_from_after);
-        driven_m.push(driven_m[k] + way.norm());
         variance_m2.push(variance_m2[k] + along.dot(&(covariance.fixed_view::<3, 3>(0, 0) * along)));
     }
     let distance_m =
         |poses: &[Pose], a: usize, b: usize| (poses[b].translation.vector - poses[a].translation.vector).norm();
     let n = survey.len().min(registered.len());
-    let (off_m2, open_m2): (Vec<f64>, Vec<f64>) = (0..n)
+    // One of each place: where the vehicle stands, all would say the same.
+    let (off_m2, open_m2): (Vec<f64>, Vec<f64>) = runs(&driven_m[..n])
+        .into_iter()
+        .map(|place| place.start)
         .map(|a| (a, driven_m.partition_point(|way| way - driven_m[a] < config.survey_check_m)))
         .filter(|(_, b)| *b < n)
         .map(|(a, b)| {
-            let off_m = distance_m(survey, a, b) - distance_m(&registered, a, b);
+            let off_m = distance_m(survey, a, b) - distance_m(registered, a, b);
             (off_m * off_m, variance_m2[b] - variance_m2[a])
         })
         .unzip();

@@ -7,12 +7,15 @@
 //! - `local(Z_i, X_i^-1 X_(i+1))`: the motion between neighbours, from
 //!   registration, weighted with what the scans constrain,
 //! - `local(E^-1 G_i^-1 G_(i+1) E, X_i^-1 X_(i+1))`: the same from the survey,
-//!   with a Cauchy weight,
+//!   with a Cauchy weight, and with the `E` of the round before,
 //! - `X_i.t - G_i.t`: the survey's positions, with a Cauchy weight,
 //! - `log((G_i.R E)^T X_i.R)`: the survey's orientations but for `E`,
 //! - `local(Z_ij, X_i^-1 X_j)`: where the drive comes back to a place, the
 //!   motion between both passes, with a Cauchy weight,
 //! - `log(E)`.
+//!
+//! Of a place at which the vehicle stands, positions and orientations of the
+//! survey count as one of each: they all err alike.
 //!
 //! Where most of the survey's steps contradict those of the scans, it lost its
 //! satellites: all of its terms count as less accurate by as much.
@@ -29,6 +32,7 @@ use serde::{Deserialize, Serialize};
 
 use super::chain::{Chain, MotionTerm, Step};
 use super::doubt::{doubts, survey_sigma_m};
+use crate::roads::{driven_m, runs};
 
 /// Accuracies that weigh the scans' motion against the survey.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -139,23 +143,49 @@ fn cauchy(squared_sigmas: f64, robust_sigmas: f64) -> f64 {
     1.0 / (1.0 + squared_sigmas / robust_sigmas.powi(2))
 }
 
-/// Adds the survey's pose of a frame, `doubt` times less accurate than stated.
+/// Poses of the frames as the motions lead from one to the next.
+fn registered(motions: &[Motion]) -> Vec<Pose> {
+    let mut poses = vec![Pose::identity()];
+    poses.extend(motions.iter().scan(Pose::identity(), |pose, motion| {
+        *pose *= motion.before_from_after;
+        Some(*pose)
+    }));
+    poses
+}
+
+/// What each frame counts where the survey is asked, given the way driven to it:
+/// the survey errs alike in all frames in which the vehicle stands.
+fn place_shares(driven_m: &[f64]) -> Vec<f64> {
+    runs(driven_m).into_iter().flat_map(|run| std::iter::repeat_n((run.len() as f64).recip(), run.len())).collect()
+}
+
+/// What the survey says of a frame.
+struct Surveyed<'a> {
+    /// `map_from_camera`.
+    pose: &'a Pose,
+    /// How many times less accurate than stated it is.
+    doubt: f64,
+    /// What it counts among the frames of its place.
+    share: f64,
+}
+
+/// Adds the survey's pose of a frame.
 fn add_survey(
     chain: &mut Chain,
     i: usize,
-    (pose, survey): (&Pose, &Pose),
+    pose: &Pose,
+    Surveyed { pose: survey, doubt, share }: &Surveyed,
     e: &UnitQuaternion<f64>,
-    doubt: f64,
     config: &GraphConfig,
 ) {
     let off = pose.rotation.inverse() * (pose.translation.vector - survey.translation.vector);
     let weight = (config.survey_sigma_m * doubt).powi(-2);
-    chain.add_position(i, &off, weight * cauchy(off.norm_squared() * weight, config.robust_sigmas));
+    chain.add_position(i, &off, share * weight * cauchy(off.norm_squared() * weight, config.robust_sigmas));
     let turn = ((survey.rotation * e).inverse() * pose.rotation).scaled_axis();
     let weight = (config.survey_sigma_rad * doubt).powi(-2);
     // Errors of doubted steps add up to any turn.
-    let robust = if doubt > 1.0 { cauchy(turn.norm_squared() * weight, config.robust_sigmas) } else { 1.0 };
-    chain.add_orientation(i, &turn, weight * robust);
+    let robust = if *doubt > 1.0 { cauchy(turn.norm_squared() * weight, config.robust_sigmas) } else { 1.0 };
+    chain.add_orientation(i, &turn, share * weight * robust);
 }
 
 /// Solves the normal equations of the chain and of the revisits; none where
@@ -227,7 +257,10 @@ pub fn refine_poses(survey: &[Pose], motions: &[Motion], revisits: &[Revisit], c
     let floor = [config.motion_sigma_m, config.motion_sigma_rad];
     let weights: Vec<Matrix6<f64>> = motions.iter().map(|m| motion_weight(&m.information, floor, config)).collect();
     let doubts = doubts(survey, motions, &weights, config);
-    let survey_sigma_m = survey_sigma_m(survey, motions, &weights, config);
+    let registered = registered(motions);
+    let driven_m = driven_m(&registered);
+    let shares = place_shares(&driven_m);
+    let survey_sigma_m = survey_sigma_m(survey, (&registered, &driven_m), motions, &weights, config);
     let config = &GraphConfig {
         survey_sigma_m,
         // What drifts more drifts more in each step, too.
@@ -266,8 +299,9 @@ pub fn refine_poses(survey: &[Pose], motions: &[Motion], revisits: &[Revisit], c
             let weight = survey_weight / doubts[i].max(doubts[i + 1]).powi(2);
             chain.add_motion(i, &robust(MotionTerm::new(a, b, &z, &weight), config.robust_sigmas));
         }
-        for i in 0..n {
-            add_survey(&mut chain, i, (&poses[i], &survey[i]), &e, doubts[i], config);
+        for (i, share) in shares.iter().enumerate().take(n) {
+            let surveyed = Surveyed { pose: &survey[i], doubt: doubts[i], share: *share };
+            add_survey(&mut chain, i, &poses[i], &surveyed, &e, config);
         }
         chain.add_misalignment(&e.scaled_axis(), w_e);
         let terms: Vec<(&Revisit, MotionTerm)> =

@@ -7,7 +7,7 @@ use common::geometry::Pose;
 use nalgebra::Matrix6;
 use rayon::prelude::*;
 
-use super::align::{AlignConfig, ScanSurface, align, scan_surfaces};
+use super::align::{AlignConfig, Alignment, ScanSurface, align, scan_surfaces};
 use super::graph::Motion;
 use super::local_map::LocalMap;
 use crate::drive::Drive;
@@ -140,18 +140,16 @@ impl<'a> Registered<'a> {
                     * survey[frame]
                     * camera_from_velodyne;
                 let found = align(&self.map, &scan.surfaces, &guess, self.config);
+                let (pose, information) = told(&found, &guess, self.config);
                 // The normal matrix is in the tangent of the Velodyne frame.
                 let tangent = adjoint(&velodyne_from_camera);
                 self.odometry.motions.push(Motion {
-                    before_from_after: camera_from_velodyne
-                        * before_pose.inverse()
-                        * found.map_from_velodyne
-                        * velodyne_from_camera,
-                    information: tangent.transpose() * found.information * tangent,
+                    before_from_after: camera_from_velodyne * before_pose.inverse() * pose * velodyne_from_camera,
+                    information: tangent.transpose() * information * tangent,
                 });
                 self.odometry.rms_given_m += found.first_rms_m.powi(2);
                 self.odometry.rms_refined_m += found.rms_m.powi(2);
-                found.map_from_velodyne
+                pose
             }
         };
         self.map.insert(self.scans, &scan.cells, &pose);
@@ -166,6 +164,15 @@ impl<'a> Registered<'a> {
     }
 }
 
+/// Where a scan is by those before it (`map_from_velodyne`), with the normal matrix:
+/// where it hardly lies on them it stays at the guess, and they tell nothing.
+fn told(found: &Alignment, guess: &Pose, config: &AlignConfig) -> (Pose, Matrix6<f64>) {
+    if found.overlap < config.least_overlap {
+        return (*guess, Matrix6::zeros());
+    }
+    (found.map_from_velodyne, found.information)
+}
+
 /// Takes a small motion in frame `b` to the same motion in frame `a`.
 pub(super) fn adjoint(a_from_b: &Pose) -> Matrix6<f64> {
     let r = a_from_b.rotation.to_rotation_matrix().into_inner();
@@ -174,4 +181,38 @@ pub(super) fn adjoint(a_from_b: &Pose) -> Matrix6<f64> {
     m.fixed_view_mut::<3, 3>(0, 3).copy_from(&(a_from_b.translation.vector.cross_matrix() * r));
     m.fixed_view_mut::<3, 3>(3, 3).copy_from(&r);
     m
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::register::{GraphConfig, refine_poses};
+
+    #[test]
+    fn scans_that_hardly_overlap_do_not_outvote_the_survey() {
+        let survey: Vec<Pose> = (0..20).map(|i| Pose::translation(0.0, 0.0, 5.0 * f64::from(i))).collect();
+        let farthest_m = |overlap: f64| {
+            let motion = |pair: &[Pose]| {
+                let guess = pair[0].inverse() * pair[1];
+                // One of them is laid on the scans before it 3 m too far ahead.
+                let is_wrong = pair[0].translation.vector.z > 49.0 && pair[0].translation.vector.z < 51.0;
+                let found = Alignment {
+                    map_from_velodyne: guess * Pose::translation(0.0, 0.0, if is_wrong { 3.0 } else { 0.0 }),
+                    information: Matrix6::identity() * 1e8,
+                    overlap: if is_wrong { overlap } else { 0.8 },
+                    rms_m: 0.01,
+                    first_rms_m: 0.01,
+                    iterations: 5,
+                };
+                let (before_from_after, information) = told(&found, &guess, &AlignConfig::default());
+                Motion { before_from_after, information }
+            };
+            let motions: Vec<Motion> = survey.windows(2).map(motion).collect();
+            let refined = refine_poses(&survey, &motions, &[], &GraphConfig::default()).map_from_camera;
+            let off_m = |(a, b): (&Pose, &Pose)| (a.translation.vector - b.translation.vector).norm();
+            refined.iter().zip(&survey).map(off_m).fold(0.0, f64::max)
+        };
+        assert!(farthest_m(0.6) > 0.5, "{}", farthest_m(0.6));
+        assert!(farthest_m(0.05) < 0.01, "{}", farthest_m(0.05));
+    }
 }

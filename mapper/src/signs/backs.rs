@@ -78,7 +78,7 @@ fn is_back(plate: &Plate, rows: &[Row], all: &[Plate], known: Known, config: &Si
     let below = (lowest - POST_BELOW_M)..lowest;
     let widths = |heights: std::ops::Range<f64>, widest_m: f64| {
         let mut widths_m: Vec<f64> =
-            rows.iter().filter(|r| heights.contains(&r.height)).map(Row::width_m).filter(|w| *w < widest_m).collect();
+            rows.iter().filter(|r| heights.contains(&r.height_m)).map(Row::width_m).filter(|w| *w < widest_m).collect();
         widths_m.sort_by(f64::total_cmp);
         widths_m
     };

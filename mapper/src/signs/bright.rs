@@ -119,7 +119,7 @@ fn following(cluster: &[&CloudPoint], cloud: &Cloud) -> f64 {
         let of: Vec<Vector3<f64>> = cluster.iter().filter(|p| p.scan == scan).map(|p| p.position.coords).collect();
         of.iter().sum::<Vector3<f64>>() / of.len() as f64
     };
-    let driven = cloud.sensors[usize::from(last)].at - cloud.sensors[usize::from(first)].at;
+    let driven = cloud.sensors[usize::from(last)].at_map - cloud.sensors[usize::from(first)].at_map;
     if driven.norm() < LEAST_DRIVEN_M {
         return 0.0;
     }

@@ -17,7 +17,7 @@ struct Beside {
     /// plane (x, z), metres.
     middle: Vector2<f64>,
     /// Height along -y of the map, metres.
-    height: f64,
+    height_m: f64,
     above_ground_m: f64,
     is_dark: bool,
     scan: u16,
@@ -40,7 +40,7 @@ pub fn lights_on(rows: &[Row], axis: &Axis, config: &SignConfig) -> Vec<FoundSig
         .filter(|r| r.span_m.0.abs().max(r.span_m.1.abs()) <= lights.reach_m && r.range_m <= lights.farthest_m)
         .flat_map(|r| hits_beside(r, &axis, post_m, lights))
         .collect();
-    beside.sort_by(|a, b| a.height.total_cmp(&b.height).then(a.scan.cmp(&b.scan)));
+    beside.sort_by(|a, b| a.height_m.total_cmp(&b.height_m).then(a.scan.cmp(&b.scan)));
     lights_beside(&beside, &axis, lights)
 }
 
@@ -92,7 +92,7 @@ fn hits_beside<'a>(
         let off = Point2::new(p.x, p.z) - axis.at(-p.y);
         (off.norm() > axis.radius_m + config.off_post_m).then(|| Beside {
             middle: off + row.view * (0.5 * config.depth_m),
-            height: -p.y,
+            height_m: -p.y,
             above_ground_m: row.above_ground_m,
             is_dark: *reflectance <= config.darkest,
             scan: row.scan,
@@ -125,7 +125,7 @@ fn best_run(sorted: &[Beside], gains: &[f64], config: &LightConfig) -> Option<Ra
     let (mut best, mut best_sum) = (None, 0.0);
     let (mut start, mut sum) = (0, 0.0);
     for (i, (hit, gain)) in sorted.iter().zip(gains).enumerate() {
-        let is_apart = i > 0 && hit.height - sorted[i - 1].height > config.longest_gap_m;
+        let is_apart = i > 0 && hit.height_m - sorted[i - 1].height_m > config.longest_gap_m;
         if sum <= 0.0 || is_apart {
             (start, sum) = (i, 0.0);
         }
@@ -147,10 +147,10 @@ fn gain_of_own(own: f64, share: f64) -> f64 {
 /// Weighs hits, sorted by height, by how many others are at their height: those
 /// who drive by see much more of a lower edge than of what is above it.
 fn count_heights_alike(sorted: &mut [Beside]) {
-    let heights: Vec<f64> = sorted.iter().map(|h| h.height).collect();
+    let heights: Vec<f64> = sorted.iter().map(|h| h.height_m).collect();
     for hit in sorted {
-        let from = heights.partition_point(|h| *h < hit.height - LEVEL_M);
-        let to = heights.partition_point(|h| *h <= hit.height + LEVEL_M);
+        let from = heights.partition_point(|h| *h < hit.height_m - LEVEL_M);
+        let to = heights.partition_point(|h| *h <= hit.height_m + LEVEL_M);
         hit.weight = ((to - from) as f64).recip();
     }
 }
@@ -204,12 +204,12 @@ fn light(hits: &[Beside], all: &[Beside], axis: &Axis, usual_m: f64, lights: &Li
     let mut scans: Vec<u16> = hits.iter().map(|h| h.scan).collect();
     scans.sort_unstable();
     scans.dedup();
-    let (low, high) = spread(hits.iter().map(|h| h.height))?;
+    let (low, high) = spread(hits.iter().map(|h| h.height_m))?;
     let (lowest, _) = spread(hits.iter().map(|h| h.above_ground_m))?;
     let (left, right) = spread(hits.iter().map(|h| h.middle.x))?;
     let (near, far) = spread(hits.iter().map(|h| h.middle.y))?;
     let width_m = (right - left).max(far - near);
-    let level = all.iter().filter(|h| h.height >= low && h.height <= high);
+    let level = all.iter().filter(|h| h.height_m >= low && h.height_m <= high);
     let dark_hits = level.clone().filter(|h| h.is_dark).count() as f64;
     let dark = dark_hits / level.clone().count().max(1) as f64;
     let off = mean(hits);
@@ -260,13 +260,21 @@ mod tests {
                 let side = [-0.1, -0.03, 0.04, 0.1][usize::from(i % 4)];
                 let height = low + (high - low) * (f64::from(i) + 0.5) / f64::from(count);
                 let middle = Vector2::new(at.0 + side, at.1 + 0.1 * side);
-                Beside { middle, height, above_ground_m: height, is_dark, scan: i % 7, is_of_wide: true, weight: 1.0 }
+                Beside {
+                    middle,
+                    height_m: height,
+                    above_ground_m: height,
+                    is_dark,
+                    scan: i % 7,
+                    is_of_wide: true,
+                    weight: 1.0,
+                }
             })
             .collect()
     }
 
     fn lights(mut beside: Vec<Beside>) -> Vec<FoundSign> {
-        beside.sort_by(|a, b| a.height.total_cmp(&b.height));
+        beside.sort_by(|a, b| a.height_m.total_cmp(&b.height_m));
         let axis = Axis::through(&Point3::new(0.0, -2.0, 0.0), 0.05);
         lights_beside(&beside, &axis, &LightConfig::default())
     }

@@ -32,7 +32,7 @@ pub fn plates(rows: &[Row], axis: &Axis, cloud: &Cloud, config: &OutlineConfig, 
         .flat_map(|(i, &(from, to))| {
             // Edge-on a plate is as narrow as its post: rows that look along it
             // say nothing, and without them the plate may be two.
-            let (low, high) = (told[from].row.height, told[to].row.height);
+            let (low, high) = (told[from].row.height_m, told[to].row.height_m);
             let long = told[from..=to].iter().filter(|t| t.says == Says::Plate).map(|t| t.row);
             let Some((normal, _)) = plane(&long.collect::<Vec<_>>()) else { return Vec::new() };
             // Rows of its neighbours would make one of them.
@@ -40,7 +40,7 @@ pub fn plates(rows: &[Row], axis: &Axis, cloud: &Cloud, config: &OutlineConfig, 
             let before_next = runs.get(i + 1).map_or(told.len(), |next| next.0);
             let facing: Vec<Told<'_>> = told[after_last..before_next]
                 .iter()
-                .filter(|t| t.row.height >= low - MARGIN_M && t.row.height <= high + MARGIN_M)
+                .filter(|t| t.row.height_m >= low - MARGIN_M && t.row.height_m <= high + MARGIN_M)
                 .filter(|t| t.row.view.dot(&normal).abs() >= config.least_cosine)
                 .copied()
                 .collect();
@@ -60,7 +60,7 @@ fn joined(runs: Vec<(usize, usize)>, told: &[Told<'_>]) -> Vec<(usize, usize)> {
     let mut joined: Vec<(usize, usize)> = Vec::new();
     for (from, to) in runs {
         match joined.last_mut() {
-            Some(last) if told[from].row.height - told[last.1].row.height < MARGIN_M => last.1 = to,
+            Some(last) if told[from].row.height_m - told[last.1].row.height_m < MARGIN_M => last.1 = to,
             _ => joined.push((from, to)),
         }
     }
@@ -87,7 +87,7 @@ fn unbroken(
     let mut parts = Vec::new();
     let mut first = from;
     for pair in on.windows(2) {
-        if beams(rows[pair[0]].row.height, rows[pair[1]].row.height) > config.most_missed {
+        if beams(rows[pair[0]].row.height_m, rows[pair[1]].row.height_m) > config.most_missed {
             parts.push((first, pair[0]));
             first = pair[1];
         }
@@ -111,7 +111,7 @@ fn each_plate(
         // From behind, left is right.
         let to_plate = row.view.dot(normal).signum() / cosine(row, normal);
         Ends {
-            height: row.height,
+            height_m: row.height_m,
             middle_m: f64::midpoint(row.span_m.0, row.span_m.1) * to_plate,
             width_m: width_m(row, normal, config, lidar),
             // An end lies anywhere between two beams.

@@ -77,7 +77,7 @@ pub(super) fn plate(
     let (normal, thickness_m) = plane(&long)?;
     let (lowest, highest) = (on.first()?, on.last()?);
     let across = Vector2::new(-normal.y, normal.x);
-    let origin = axis.at(highest.height).coords;
+    let origin = axis.at(highest.height_m).coords;
     let width = |r: &Row| width_m(r, &normal, config, lidar);
     // The widest rows, as a disc is narrower above and below.
     let mut widths: Vec<f64> = long.iter().map(|r| width(r)).collect();
@@ -104,15 +104,15 @@ pub(super) fn plate(
             .map(|(_, step)| step.recip())
             .sum()
     };
-    let above = beams(&|r, step| ceiling(r, cloud, lidar) > highest.height + 0.5 * step);
+    let above = beams(&|r, step| ceiling(r, cloud, lidar) > highest.height_m + 0.5 * step);
     let below = beams(&|_, _| true);
     let is_post = |t: &&Told<'_>| t.says == Says::Post;
-    let next = |told: Option<&Told<'_>>, edge: f64| told.map_or(f64::INFINITY, |t| (t.row.height - edge).abs());
-    let bottom = Edge::new(below, next(rows[..from].iter().rev().find(is_post), lowest.height));
-    let top = Edge::new(above, next(rows[to + 1..].iter().find(is_post), highest.height));
-    let low = lowest.height - bottom.beyond_m;
+    let next = |told: Option<&Told<'_>>, edge: f64| told.map_or(f64::INFINITY, |t| (t.row.height_m - edge).abs());
+    let bottom = Edge::new(below, next(rows[..from].iter().rev().find(is_post), lowest.height_m));
+    let top = Edge::new(above, next(rows[to + 1..].iter().find(is_post), highest.height_m));
+    let low = lowest.height_m - bottom.beyond_m;
     let top_is_open = top.sigma_m > config.open_m;
-    let high = upper_end(highest.height, &top, low, width_m, config);
+    let high = upper_end(highest.height_m, &top, low, width_m, config);
     let top_sigma_m = top.sigma_m.min(config.open_m);
     let middle = f64::midpoint(low, high);
     let place = origin + across * aside_m + normal * before_m;
@@ -170,7 +170,7 @@ pub(super) fn width_m(row: &Row, normal: &Vector2<f64>, config: &OutlineConfig, 
 /// The diagonal of a board, the diameter of what is narrower above or below.
 fn size_m(rows: &[&Row], width_m: f64, (low, high): (f64, f64)) -> f64 {
     let height_m = high - low;
-    let at_end = |r: &&&Row| (r.height - low).min(high - r.height) < ROUND_END * height_m;
+    let at_end = |r: &&&Row| (r.height_m - low).min(high - r.height_m) < ROUND_END * height_m;
     let ends: Vec<f64> = rows.iter().filter(at_end).map(|r| r.width_m()).collect();
     let is_round = !ends.is_empty() && ends.iter().sum::<f64>() / (ends.len() as f64) < ROUND_SHARE * width_m;
     if is_round { width_m.max(height_m) } else { width_m.hypot(height_m) }

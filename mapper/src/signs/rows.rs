@@ -42,7 +42,7 @@ pub struct Row {
     /// Distance from the lidar in the plane (x, z), metres.
     pub range_m: f64,
     /// Height of its middle along -y of the map, metres.
-    pub height: f64,
+    pub height_m: f64,
     /// The same above the ground, metres.
     pub above_ground_m: f64,
     /// Direction of view in the plane (x, z), of unit length.
@@ -104,7 +104,7 @@ pub fn rows(cloud: &Cloud, axis: &Axis, heights_m: (f64, f64), lidar: &LidarConf
 
 fn rows_of_scan(cloud: &Cloud, axis: &Axis, points: &[&CloudPoint], lidar: &LidarConfig) -> Vec<Row> {
     let Some(first) = points.first() else { return Vec::new() };
-    let sensor = cloud.sensors[usize::from(first.scan)].at;
+    let sensor = cloud.sensors[usize::from(first.scan)].at_map;
     let eye = Point2::new(sensor.x, sensor.z);
     let middle = nalgebra::center(&axis.foot, &axis.top);
     let away = Point2::new(middle.x, middle.z) - eye;
@@ -172,7 +172,7 @@ fn row(hits: &[&Hit], view: Vector2<f64>, range_m: f64) -> Option<Row> {
     Some(Row {
         scan: first.point.scan,
         range_m,
-        height: hits.iter().map(|h| -h.point.position.y).sum::<f64>() / count,
+        height_m: hits.iter().map(|h| -h.point.position.y).sum::<f64>() / count,
         above_ground_m: hits.iter().map(|h| f64::from(h.point.height_m)).sum::<f64>() / count,
         view,
         span_m: (first.across, last.across),
@@ -190,7 +190,7 @@ pub fn row_across(scan: u16, height: f64, width_m: f64) -> Row {
     Row {
         scan,
         range_m: 12.0,
-        height,
+        height_m: height,
         above_ground_m: height,
         view: Vector2::y(),
         span_m: (-width_m / 2.0, width_m / 2.0),

@@ -17,7 +17,7 @@ use super::config::OutlineConfig;
 #[derive(Debug, Clone, Copy)]
 pub struct Ends {
     /// Height along -y of the map, metres.
-    pub height: f64,
+    pub height_m: f64,
     /// Its middle across the plate, metres.
     pub middle_m: f64,
     /// Its length across the plate, metres.
@@ -49,9 +49,9 @@ fn divide(rows: &[Ends], first: usize, config: &OutlineConfig, found: &mut Vec<R
     };
     let is_plate = |rows: &[Ends]| {
         rows.iter().filter(|row| !row.is_bare).count() >= FEWEST_ROWS
-            && rows[rows.len() - 1].height - rows[0].height >= config.least_stacked_m
+            && rows[rows.len() - 1].height_m - rows[0].height_m >= config.least_stacked_m
     };
-    let level = |row: &Ends| (row.height / LEVEL_M).floor();
+    let level = |row: &Ends| (row.height_m / LEVEL_M).floor();
     let parts = (1..rows.len())
         .filter(|&at| level(&rows[at]) > level(&rows[at - 1]))
         .map(gap)
@@ -87,7 +87,7 @@ struct Edge<'a> {
 /// height is for its width (log-normal, and an odd row has a chance of `odd_share`),
 /// up to `tallest_stack`: what is higher is a mast or a jamb, and no stack of plates.
 fn plate_cost(rows: &[Ends], config: &OutlineConfig) -> f64 {
-    let height_m = rows[rows.len() - 1].height - rows[0].height;
+    let height_m = rows[rows.len() - 1].height_m - rows[0].height_m;
     let aspect = height_m.max(config.least_stacked_m) / widest_m(rows).max(config.narrowest_m);
     let unusual = (aspect.min(config.tallest_stack).ln() / config.aspect_spread).powi(2) / 2.0;
     shape_cost(rows, config) - unusual / config.odd_share.ln()
@@ -110,15 +110,15 @@ fn shape_cost(rows: &[Ends], config: &OutlineConfig) -> f64 {
     let width_m = widest_m(rows);
     let whole: Vec<Ends> = rows.iter().copied().filter(|row| row.width_m >= LEAST_WHOLE * width_m).collect();
     let middle_m = quantile(&whole, 0.5, |row| row.middle_m);
-    let origin = rows[rows.len() / 2].height;
+    let origin = rows[rows.len() / 2].height_m;
     let edges: Vec<Edge<'_>> = rows
         .iter()
         .flat_map(|row| {
             let off_m = row.middle_m - middle_m;
-            [off_m, -off_m].map(|off_m| Edge { row, up_m: row.height - origin, aside_m: row.width_m / 2.0 + off_m })
+            [off_m, -off_m].map(|off_m| Edge { row, up_m: row.height_m - origin, aside_m: row.width_m / 2.0 + off_m })
         })
         .collect();
-    let (low, high) = (rows[0].height - origin, rows[rows.len() - 1].height - origin);
+    let (low, high) = (rows[0].height_m - origin, rows[rows.len() - 1].height_m - origin);
     let hidden = config.hidden_cost;
     let straight = straight_cost(&edges, hidden, width_m / 2.0, |up_m| up_m - low);
     let diamonds = [0.25, 0.5, 0.75].map(|share| {
@@ -237,7 +237,7 @@ mod tests {
                 // Any value in -1..1.
                 let noise = |salt: f64| (12.9898 * height * 100.0 + f64::from(scan) + salt).sin();
                 Ends {
-                    height,
+                    height_m: height,
                     middle_m: 0.02 * noise(1.0),
                     width_m: 2.0 * half_m(height) + 0.5 * between_m * noise(2.0),
                     sigma_m: 0.03_f64.hypot(between_m / 12.0_f64.sqrt()),
@@ -247,7 +247,7 @@ mod tests {
                 }
             })
             .collect();
-        rows.sort_by(|a, b| a.height.total_cmp(&b.height));
+        rows.sort_by(|a, b| a.height_m.total_cmp(&b.height_m));
         rows
     }
 
@@ -262,7 +262,7 @@ mod tests {
             }
             let gaps = gaps(&stack, &OutlineConfig::default());
             assert_eq!(gaps.len(), 1, "{gaps:?}");
-            let (below, above) = (stack[gaps[0].start - 1].height, stack[gaps[0].end].height);
+            let (below, above) = (stack[gaps[0].start - 1].height_m, stack[gaps[0].end].height_m);
             // The gap is from 0.32 to 0.36 or 0.38 m, and rows are centimetres apart.
             assert!((0.26..0.36).contains(&below) && (0.32..0.44).contains(&above), "{below} {above}");
         }
@@ -273,7 +273,7 @@ mod tests {
         // Two boards of nearly the same width, and some rows of the bare post.
         let with_gap = |top_m: f64, half_m: f64| {
             let mut stack = rows((0.0, top_m), |height| if height < 0.32 { half_m - 0.03 } else { half_m });
-            for row in stack.iter_mut().filter(|row| (0.32..0.34).contains(&row.height)) {
+            for row in stack.iter_mut().filter(|row| (0.32..0.34).contains(&row.height_m)) {
                 (row.width_m, row.is_bare) = (0.06, true);
             }
             gaps(&stack, &OutlineConfig::default()).len()
@@ -298,7 +298,7 @@ mod tests {
     #[test]
     fn what_leaves_hide_is_no_narrower_plate() {
         let mut rows = rows((0.0, 0.6), |_| 0.3);
-        let hidden = rows.iter_mut().filter(|row| row.height > 0.35).step_by(2);
+        let hidden = rows.iter_mut().filter(|row| row.height_m > 0.35).step_by(2);
         for (i, row) in hidden.enumerate() {
             let hidden_m = 0.1 + 0.05 * (i % 5) as f64;
             row.width_m -= hidden_m;

@@ -42,7 +42,7 @@ pub struct Told<'a> {
 pub fn each<'a>(rows: &'a [Row], axis: &Axis, config: &OutlineConfig) -> Vec<Told<'a>> {
     let mut told: Vec<Told<'_>> =
         rows.iter().map(|row| Told { row, says: says(row, axis, config), weight: 1.0 }).collect();
-    told.sort_by(|a, b| a.row.height.total_cmp(&b.row.height).then(a.row.scan.cmp(&b.row.scan)));
+    told.sort_by(|a, b| a.row.height_m.total_cmp(&b.row.height_m).then(a.row.scan.cmp(&b.row.scan)));
     told
 }
 

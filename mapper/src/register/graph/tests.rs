@@ -50,6 +50,41 @@ fn where_the_survey_is_short_the_scans_keep_their_scale() {
     assert!((exact.survey_sigma_m - GraphConfig::default().survey_sigma_m).abs() < 1e-12);
 }
 
+/// A drive that stands for some frames, and its survey, which is half a metre
+/// off there along an axis of the map.
+fn with_a_stop(frames: usize, axis: usize) -> (Vec<Pose>, Vec<Pose>) {
+    let (moving, _) = drive(&UnitQuaternion::identity());
+    let truth = [&moving[..12], &vec![moving[12]; frames], &moving[13..]].concat();
+    let mut survey = truth.clone();
+    for pose in &mut survey[12..12 + frames] {
+        pose.translation.vector[axis] += 0.5;
+    }
+    (truth, survey)
+}
+
+#[test]
+fn what_the_survey_says_of_a_stop_counts_once_however_long_it_is() {
+    let farthest_m = |frames: usize| {
+        let (truth, survey) = with_a_stop(frames, 0);
+        let found = refine_poses(&survey, &exact_motions(&truth), &[], &GraphConfig::default()).map_from_camera;
+        let off_m = |(a, b): (&Pose, &Pose)| (a.translation.vector - b.translation.vector).norm();
+        found.iter().zip(&truth).map(off_m).fold(0.0, f64::max)
+    };
+    let once_m = farthest_m(1);
+    for frames in [60, 240] {
+        assert!(farthest_m(frames) < 3.0 * once_m, "{frames}: {} {once_m}", farthest_m(frames));
+    }
+}
+
+#[test]
+fn a_stop_does_not_tell_how_accurate_the_survey_is() {
+    let sigma_m = |frames: usize| {
+        let (truth, survey) = with_a_stop(frames, 2);
+        refine_poses(&survey, &exact_motions(&truth), &[], &GraphConfig::default()).survey_sigma_m
+    };
+    assert!((sigma_m(240) - sigma_m(1)).abs() < 1e-6, "{} {}", sigma_m(240), sigma_m(1));
+}
+
 /// A survey without satellites for its first frames: it goes on as it went, a
 /// seventh too fast and without the bend.
 fn without_satellites(truth: &[Pose], frames: usize) -> Vec<Pose> {

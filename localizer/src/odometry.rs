@@ -48,6 +48,9 @@ pub struct OdometryConfig {
     /// For so long what was not believed is held against what was known when that began,
     /// seconds: a skid takes one or two.
     pub refused_s: f64,
+    /// Most that a yaw rate changes from one line of a log to the next beyond that, rad/s:
+    /// noise and shaking change it by less, a loose plug by more.
+    pub most_jump_rad_s: f64,
 }
 
 impl Default for OdometryConfig {
@@ -64,6 +67,7 @@ impl Default for OdometryConfig {
             most_yaw_rate_rad_s: 6.0,
             believed_sigmas: 4.0,
             refused_s: 3.0,
+            most_jump_rad_s: 0.7,
         }
     }
 }
@@ -154,6 +158,19 @@ impl OdometryLog {
         }
     }
 
+    /// The same with gaps where the turn rate jumps: the mean over a jump is that of
+    /// neither side, and small enough to be believed.
+    #[must_use]
+    pub fn without_jumps(&self, config: &OdometryConfig) -> Self {
+        let before = std::iter::once(None).chain(self.steps.iter().map(Some));
+        let turns_on = |(before, step): &(Option<&Step>, &Step)| {
+            let Some(before) = before else { return true };
+            let most_rad_s = config.most_jump_rad_s + config.hardest_rad_s2 * (step.ended_s - before.ended_s);
+            (step.mean.yaw_rate_rad_s - before.mean.yaw_rate_rad_s).abs() <= most_rad_s
+        };
+        Self { steps: before.zip(&self.steps).filter(turns_on).map(|(_, step)| *step).collect() }
+    }
+
     /// The same with another motion in each step, told by the time at which it ended,
     /// seconds.
     #[must_use]
@@ -230,6 +247,15 @@ mod tests {
         let turn_alone = log.between(0.0, 0.2).unwrap();
         assert!(turn_alone.speed_m_s.is_none() && (turn_alone.yaw_rate_rad_s - 0.2).abs() < 1e-9);
         assert_eq!((log.between(0.2, 0.3), log.between(0.1, 0.4)), (None, None));
+    }
+
+    #[test]
+    fn a_mean_over_a_jump_of_the_turn_is_none() {
+        let off = read_text("0.1,10,0\n0.2,10,0.1\n0.3,0,0\n0.4,0,0\n0.5,0,1.5\n0.6,0,1.4\n").unwrap();
+        let log = off.without_jumps(&OdometryConfig::default());
+        assert_eq!(log.between(0.05, 0.4), off.between(0.05, 0.4));
+        assert!(off.between(0.35, 0.45).is_some() && log.between(0.35, 0.45).is_none());
+        assert!(log.between(0.5, 0.6).is_some());
     }
 
     #[test]

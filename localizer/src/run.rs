@@ -50,6 +50,14 @@ impl<'a> Localizer<'a> {
         }
     }
 
+    /// What it localizes with; none of the paper's method, which asks no odometry.
+    fn config(&self) -> Option<&Config> {
+        match self {
+            Self::Robust(tracker) => Some(tracker.config()),
+            Self::Paper(_) => None,
+        }
+    }
+
     /// The pose at the next frame; none before the first GPS fix.
     ///
     /// # Errors
@@ -116,6 +124,8 @@ pub fn localize(
     mut localizer: Localizer<'_>,
 ) -> Result<Vec<FrameResult>> {
     let mut last_s = None;
+    let odometry =
+        localizer.config().map_or_else(|| odometry.clone(), |config| odometry.without_jumps(&config.odometry));
     let mut step = |seen: &FrameFeatures| -> Result<Option<FrameResult>> {
         let started = Instant::now();
         let input = FrameInput {

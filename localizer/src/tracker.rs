@@ -112,6 +112,11 @@ impl<'a> Tracker<'a> {
         }
     }
 
+    /// What it localizes with.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
     /// The pose at the next frame; none before the first GPS fix. Times must
     /// ascend: a frame no later than the one before is taken as of its time.
     ///

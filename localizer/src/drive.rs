@@ -129,6 +129,16 @@ impl Drive {
         Ok(image)
     }
 
+    /// The label images of a frame.
+    ///
+    /// # Errors
+    /// As [`labels::read`] and [`check_calibration`].
+    fn labels(&self, folder: &Path, frame: usize, expected: Option<(usize, usize)>) -> Result<ProbabilityMaps> {
+        let maps = labels::read(folder, frame, expected)?;
+        check_calibration(folder, (maps.width(), maps.height()), &self.camera)?;
+        Ok(maps)
+    }
+
     /// What an odometer looks at: the label images of a frame, as one, where `labels`
     /// is given, else the brightness of its image.
     ///
@@ -136,7 +146,7 @@ impl Drive {
     /// As [`labels::read`] and [`Drive::image`].
     pub fn plane(&self, frame: usize, labels: Option<&Path>, expected: Option<(usize, usize)>) -> Result<Plane> {
         Ok(match labels {
-            Some(folder) => labels::read(folder, frame, expected)?.largest(),
+            Some(folder) => self.labels(folder, frame, expected)?.largest(),
             None => self.image(frame)?.grey(),
         })
     }
@@ -158,7 +168,7 @@ impl Drive {
         let (maps, image) = match source {
             // Its image is worth having, and not needed.
             Source::Labels(folder) => {
-                let maps = labels::read(folder, frame, expected)?;
+                let maps = self.labels(folder, frame, expected)?;
                 let image = if self.has_image(frame) { Some(self.image(frame)?) } else { None };
                 if let Some(image) = &image {
                     check_size(&path, (image.width(), image.height()), (maps.width(), maps.height()))?;

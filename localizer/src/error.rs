@@ -114,6 +114,11 @@ pub enum Error {
         /// What is wrong.
         problem: String,
     },
+    /// A run that came to no pose.
+    #[error(
+        "no frame was localized: from the first position on no image shows what the map has; give images or labels that show its landmarks, and positions within metres (`--gps`)"
+    )]
+    NothingLocalized,
     /// Estimates and truth share no frame.
     #[error("{} and {} share no frame from {first} on; give the truth of the same sequence", estimate.display(), truth.display())]
     NoCommonFrames {

@@ -14,7 +14,7 @@ use crate::preselect::{Candidates, Lookup, Reach};
 use crate::projection::View;
 use crate::run::{FrameResult, Localizer, Method, localize};
 use crate::watch::odometry;
-use crate::{Result, config::Config, gps, output};
+use crate::{Error, Result, config::Config, gps, output};
 
 /// Arguments of `localizer run`.
 #[derive(Debug, Args)]
@@ -72,6 +72,10 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     };
     let localizer = Localizer::new(args.method, &mut input.map, &input.drive.camera, input.image, &config);
     let results = localize(&input.frames, &fixes, &odometry, localizer)?;
+    if results.is_empty() {
+        // What was there stays.
+        return Err(Error::NothingLocalized);
+    }
     let read_of_atlas = input.map.usage();
     create(&out)?;
     output::write(&out, &results, input.map.numbering())?;

@@ -337,8 +337,14 @@ fn a_stitched_cloud_of_a_drive_with_a_stop_is_cut_where_its_places_are() {
         .map(|i| ScanPoint { x_m: f32::from(i as i16) * 0.25, y_m: 3.0, z_m: 1.75, reflectance: 40_000.0 })
         .collect();
     write_las(&cloud, &points, None);
-    let input =
-        ScanInput { path: &cloud, survey: &survey, frame: SurveyFrame::Lidar, calibration: None, scan_times: None };
+    let input = ScanInput {
+        path: &cloud,
+        survey: &survey,
+        frame: SurveyFrame::Lidar,
+        calibration: None,
+        scan_times: None,
+        reduced_by_m: None,
+    };
     let drive = open_stitched(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default()).unwrap();
     for frame in &drive.frames {
         let scan = drive.read(*frame, 0.0).unwrap();

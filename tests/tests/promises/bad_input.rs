@@ -225,6 +225,32 @@ fn a_label_image_of_another_size() {
     ran.refused(&["pole/000002.png has 1242x376 px where 1226x370", "give images"]);
 }
 
+#[test]
+fn label_images_that_are_not_of_the_calibrated_size() {
+    let root = plain();
+    let labels = root.path().join("labels");
+    for frame in 0..3 {
+        write_png(&labels.join(format!("pole/{frame:06}.png")), (613, 185), png::ColorType::Grayscale);
+    }
+    let ran = localize(root.path(), &["--labels", text(&labels)]);
+    ran.refused(&["labels", "613x185", "calib"]);
+}
+
+#[test]
+fn a_drive_in_which_nothing_is_seen_leaves_what_was_there() {
+    let root = plain();
+    let (labels, out) = (root.path().join("labels"), root.path().join("out"));
+    for frame in 0..3 {
+        write_png(&labels.join(format!("pole/{frame:06}.png")), (1226, 370), png::ColorType::Grayscale);
+    }
+    std::fs::create_dir_all(&out).unwrap();
+    std::fs::write(out.join("poses.txt"), "of yesterday").unwrap();
+    let truth = root.path().join("poses/04.txt");
+    let ran = localize(root.path(), &["--labels", text(&labels), "--truth", text(&truth), "--last", "2"]);
+    ran.refused(&["no frame was localized", "--gps"]);
+    assert_eq!(std::fs::read_to_string(out.join("poses.txt")).unwrap(), "of yesterday");
+}
+
 /// Built with the feature `ort` or without it.
 #[test]
 fn a_runtime_that_is_not_there() {

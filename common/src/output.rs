@@ -1,11 +1,34 @@
 //! What programs say to people.
 
-use std::io::Write as _;
+use std::io::{ErrorKind, Write as _};
+use std::process::ExitCode;
+use std::sync::OnceLock;
+
+/// Why something that was to be said is lost.
+static LOST: OnceLock<String> = OnceLock::new();
 
 /// Writes a text to the standard output. A reader that is gone (`| head`) is no
-/// fault: the work goes on, and files are written.
+/// fault: the work goes on, and files are written. Where it goes to a file that
+/// cannot take it, [`ended`] says so.
 pub fn print(text: &str) {
-    let _ = std::io::stdout().write_all(text.as_bytes());
+    let mut output = std::io::stdout();
+    if let Err(error) = output.write_all(text.as_bytes()).and_then(|()| output.flush())
+        && error.kind() != ErrorKind::BrokenPipe
+    {
+        LOST.get_or_init(|| error.to_string());
+    }
+}
+
+/// The exit code of a program that ends with this one: 2, and one sentence, where
+/// it went well but for what it had to say.
+pub fn ended(code: ExitCode) -> ExitCode {
+    match LOST.get() {
+        Some(why) if code != ExitCode::from(2) => {
+            print_error(format_args!("what was to be said could not be written ({why}); send it where there is room"));
+            ExitCode::from(2)
+        }
+        _ => code,
+    }
 }
 
 /// Writes why a program ends early to the error stream, as one sentence after

@@ -78,14 +78,14 @@ pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
             return ExitCode::from(code);
         }
     };
-    match dispatch(&cli.command) {
+    common::output::ended(match dispatch(&cli.command) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
             common::output::print_error(error);
             ExitCode::from(2)
         }
-    }
+    })
 }
 
 /// Runs a command: false where a check of it failed.

@@ -17,13 +17,13 @@ pub type Outcome = Result<(), Box<dyn Error>>;
 /// Ends a program as all of Waymark's end: with 0, or with 2 and one sentence
 /// on the error stream.
 pub fn ended<E: Display>(result: Result<(), E>) -> ExitCode {
-    match result {
+    common::output::ended(match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             common::output::print_error(error);
             ExitCode::from(2)
         }
-    }
+    })
 }
 
 /// A map of a sequence of KITTI.

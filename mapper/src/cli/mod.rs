@@ -125,14 +125,14 @@ where
         Command::Diff(arguments) => arguments.run(),
         Command::Validate(arguments) => arguments.run(),
     };
-    match outcome {
+    common::output::ended(match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::Failed) => ExitCode::from(FAILED),
         Err(error) => {
             common::output::print_error(error);
             ExitCode::from(USAGE)
         }
-    }
+    })
 }
 
 /// Prints a value as JSON.

@@ -206,6 +206,17 @@ fn localize(root: &Path, more: &[&str]) -> Ran {
     run("localizer", &[&words[..], more].concat())
 }
 
+/// `/dev/full` takes nothing, as a full disk does.
+#[cfg(target_os = "linux")]
+#[test]
+fn an_output_that_takes_nothing() {
+    for (program, words) in [("fixtures", "worlds"), ("localizer", "run --print-config")] {
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        crate::support::run_into(full, program, &words.split(' ').collect::<Vec<_>>())
+            .refused(&["could not be written", "room"]);
+    }
+}
+
 #[test]
 fn no_label_images() {
     let root = plain();

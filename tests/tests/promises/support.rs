@@ -52,6 +52,13 @@ pub fn run_with((name, value): (&str, &str), program: &str, words: &[&str]) -> R
     Ran::new(&command.env(name, value).arg(program).args(words).output().unwrap())
 }
 
+/// The same with its standard output in a file, of which nothing is read here.
+#[cfg(target_os = "linux")]
+pub fn run_into(file: std::fs::File, program: &str, words: &[&str]) -> Ran {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_tool"));
+    Ran::new(&command.arg(program).args(words).stdout(file).output().unwrap())
+}
+
 /// `mapper build` of a sequence to a map.
 pub fn build(root: &Path, sequence: &str, map: &Path, more: &[&str]) -> Ran {
     let words = ["build", "--kitti", text(root), "--sequence", sequence, "--out", text(map)];

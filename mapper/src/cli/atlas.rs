@@ -29,7 +29,7 @@ pub struct MakeAtlas {
     #[arg(long, value_name = "BYTES", default_value_t = AtlasOptions::default().tile_bytes)]
     tile_bytes: usize,
     /// Largest extent of a tile of several roads, metres.
-    #[arg(long, value_name = "M", default_value_t = AtlasOptions::default().tile_side_m)]
+    #[arg(long, value_name = "M", default_value_t = AtlasOptions::default().tile_side_m, value_parser = super::distance_m)]
     tile_side: f64,
 }
 

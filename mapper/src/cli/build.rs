@@ -54,10 +54,13 @@ pub struct Build {
     /// Print the summary as JSON.
     #[arg(long)]
     json: bool,
-    /// Number of threads [default: one per core].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Number of threads [default: one per core]. More than there are cores cost time.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_THREADS))]
     threads: Option<u32>,
 }
+
+/// More cores than machines have; thousands of threads take minutes to no end.
+const MOST_THREADS: i64 = 512;
 
 /// What `--json` prints.
 #[derive(Debug, Serialize)]

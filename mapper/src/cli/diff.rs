@@ -24,7 +24,7 @@ pub struct Diff {
     new: Option<PathBuf>,
     /// What has not moved by more than this is where it was, metres [default:
     /// 0.1, what two builds of one drive differ by].
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", value_parser = super::distance_m)]
     same: Option<f64>,
     /// Settings that differ from the defaults, as TOML.
     #[arg(long, value_name = "FILE.toml")]

@@ -95,6 +95,12 @@ enum Outcome {
     Failed,
 }
 
+/// A distance on the command line, metres.
+fn distance_m(text: &str) -> std::result::Result<f64, String> {
+    let metres = text.parse().ok().filter(|metres: &f64| (0.0..1e9).contains(metres));
+    metres.ok_or_else(|| "it is no distance in metres".into())
+}
+
 /// Runs the command line (program name first) and says how it went: 0; 1 if a
 /// check says no; or 2 after a wrong command line or input, with one line on
 /// the error stream.
@@ -140,4 +146,17 @@ fn print_json<T: serde::Serialize>(value: &T) -> Result<()> {
     let text = serde_json::to_string_pretty(value).map_err(crate::Error::Json)?;
     print(&(text + "\n"));
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_distance_is_none_of_what_no_map_is_apart() {
+        assert!(distance_m("0.1").is_ok_and(|metres| (metres - 0.1).abs() < 1e-12) && distance_m("0").is_ok());
+        for none in ["nan", "-1", "inf", "1e300", "far"] {
+            assert!(distance_m(none).is_err(), "{none}");
+        }
+    }
 }

@@ -236,19 +236,6 @@ impl<'a> Tracker<'a> {
         Ok(())
     }
 
-    fn sort(&mut self) {
-        // Stable: equal evidence keeps the older hypothesis in front.
-        self.bank.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
-    }
-
-    /// By how much the best hypothesis is ahead of the next, nats.
-    fn lead(&self) -> f64 {
-        // Those that were added since they were sorted stand last.
-        let Some((best, others)) = self.bank.split_first() else { return f64::INFINITY };
-        let next = others.iter().map(|hypothesis| hypothesis.log_weight).max_by(f64::total_cmp);
-        next.map_or(f64::INFINITY, |next| best.log_weight - next)
-    }
-
     /// Searches the region while nothing is tracked that the last frames
     /// speak for; says whether it did.
     fn search_if_needed(&mut self) -> Result<bool> {
@@ -300,29 +287,6 @@ impl<'a> Tracker<'a> {
     fn rival_cost(&self) -> f64 {
         let is_anew = self.verdict.is_some_and(|verdict| verdict.was_ever_ok && !verdict.was_ok);
         if is_anew { self.config.bank.newcomer_cost } else { self.config.bank.jump_cost }
-    }
-
-    /// Adds a hypothesis unless one like it is tracked already.
-    fn add(&mut self, mut newcomer: Hypothesis) {
-        newcomer.compare(&self.region, &self.config);
-        if !self.bank.iter().any(|known| known.is_like(&newcomer, &self.config.bank)) {
-            self.bank.push(newcomer);
-        }
-    }
-
-    /// Merges what has become the same and drops what the evidence refutes.
-    fn prune(&mut self) {
-        let mut kept = std::mem::take(&mut self.spare);
-        let best = self.bank.first().map_or(0.0, |best| best.log_weight);
-        for hypothesis in self.bank.drain(..) {
-            let refuted = hypothesis.log_weight < best - self.config.bank.prune_margin
-                || (hypothesis.is_impossible(&self.config.bank) && !kept.is_empty());
-            let room = kept.len() < self.config.bank.capacity(hypothesis.age_frames);
-            if !refuted && room && !kept.iter().any(|known| known.is_like(&hypothesis, &self.config.bank)) {
-                kept.push(hypothesis);
-            }
-        }
-        self.spare = std::mem::replace(&mut self.bank, kept);
     }
 
     /// Looks beside the best hypothesis for poses that explain the frame as

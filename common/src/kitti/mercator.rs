@@ -1,6 +1,6 @@
 //! The projection of KITTI's development kit.
 
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use std::f64::consts::FRAC_PI_4;
 
 /// Radius of the development kit's sphere, metres: the Earth's at the equator.
 const EARTH_RADIUS_M: f64 = 6_378_137.0;
@@ -35,7 +35,7 @@ impl Mercator {
     /// [`Self::metres`].
     pub fn degrees(&self, east_m: f64, north_m: f64) -> [f64; 2] {
         let ordinate = ordinate(self.latitude_deg) + north_m / self.radius_m;
-        let latitude_rad = 2.0 * ordinate.exp().atan() - FRAC_PI_2;
+        let latitude_rad = 2.0 * (ordinate.exp().atan() - FRAC_PI_4);
         [latitude_rad.to_degrees(), self.longitude_deg + (east_m / self.radius_m).to_degrees()]
     }
 }

@@ -1,6 +1,9 @@
-//! Settings of the set of hypotheses that are tracked side by side.
+//! The set of hypotheses that are tracked side by side.
 
 use serde::{Deserialize, Serialize};
+
+use super::Tracker;
+use super::hypothesis::Hypothesis;
 
 /// Settings of the set of hypotheses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -123,5 +126,43 @@ impl BankConfig {
     /// How many hypotheses of this age may be kept.
     pub fn capacity(&self, age_frames: usize) -> usize {
         if age_frames < self.young_frames { self.young_capacity } else { self.capacity }
+    }
+}
+
+impl Tracker<'_> {
+    pub(super) fn sort(&mut self) {
+        // Stable: equal evidence keeps the older hypothesis in front.
+        self.bank.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
+    }
+
+    /// By how much the best hypothesis is ahead of the next, nats.
+    pub(super) fn lead(&self) -> f64 {
+        // Those that were added since they were sorted stand last.
+        let Some((best, others)) = self.bank.split_first() else { return f64::INFINITY };
+        let next = others.iter().map(|hypothesis| hypothesis.log_weight).max_by(f64::total_cmp);
+        next.map_or(f64::INFINITY, |next| best.log_weight - next)
+    }
+
+    /// Adds a hypothesis unless one like it is tracked already.
+    pub(super) fn add(&mut self, mut newcomer: Hypothesis) {
+        newcomer.compare(&self.region, &self.config);
+        if !self.bank.iter().any(|known| known.is_like(&newcomer, &self.config.bank)) {
+            self.bank.push(newcomer);
+        }
+    }
+
+    /// Merges what has become the same and drops what the evidence refutes.
+    pub(super) fn prune(&mut self) {
+        let mut kept = std::mem::take(&mut self.spare);
+        let best = self.bank.first().map_or(0.0, |best| best.log_weight);
+        for hypothesis in self.bank.drain(..) {
+            let refuted = hypothesis.log_weight < best - self.config.bank.prune_margin
+                || (hypothesis.is_impossible(&self.config.bank) && !kept.is_empty());
+            let room = kept.len() < self.config.bank.capacity(hypothesis.age_frames);
+            if !refuted && room && !kept.iter().any(|known| known.is_like(&hypothesis, &self.config.bank)) {
+                kept.push(hypothesis);
+            }
+        }
+        self.spare = std::mem::replace(&mut self.bank, kept);
     }
 }

@@ -2,7 +2,6 @@
 //! numbers that no vehicle drives.
 
 use super::Tracker;
-use super::hypothesis::Hypothesis;
 use crate::filter::State;
 use crate::odometry::{Odometry, OdometryConfig};
 
@@ -52,16 +51,16 @@ impl Tracker<'_> {
     pub(super) fn believed(&mut self, dt_s: f64, shown: Option<Odometry>) -> Option<Odometry> {
         let (config, bank) = (&self.config.odometry, &self.config.bank);
         let best = self.bank.first().filter(|best| best.knows_its_speed());
-        let tracked = best.map(|best: &Hypothesis| &best.state);
+        let tracked = best.map(|best| &best.state);
         let shown = shown.filter(|shown| shown.yaw_rate_rad_s.abs() <= config.most_yaw_rate_rad_s)?;
         let turn = tracked.map(|state| state.shown_turn(shown.yaw_rate_rad_s, config));
-        let turns = turn.is_none_or(|turn| turn.is_believed(&mut self.doubts.turn, dt_s, config));
+        let may_turn = turn.is_none_or(|turn| turn.is_believed(&mut self.doubts.turn, dt_s, config));
         let speed_m_s = shown.speed_m_s.filter(|speed_m_s| {
             let speed = tracked.map(|state| state.shown_speed(*speed_m_s, config));
             (-bank.max_speed_m_s..=bank.max_speed_m_s).contains(speed_m_s)
                 && speed.is_none_or(|speed| speed.is_believed(&mut self.doubts.speed, dt_s, config))
         });
-        turns.then_some(Odometry { speed_m_s, ..shown })
+        may_turn.then_some(Odometry { speed_m_s, ..shown })
     }
 }
 

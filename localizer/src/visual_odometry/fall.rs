@@ -8,53 +8,39 @@
 //! the view shifts by too much or too little.
 
 use super::config::RoadConfig;
+use super::fading::Fading;
 use super::road::Shift;
 
-/// Standard deviations by which two sides differ at most.
-const MOST_DEVIATION: f64 = 3.0;
-
 /// The fall to the right, and how well it is known.
-pub(super) struct Fall {
-    per_m: f64,
-    variance: f64,
-}
+pub(super) struct Fall(Fading);
 
 impl Fall {
     /// Of a road of which nothing is seen yet.
     pub fn new(config: &RoadConfig) -> Self {
-        Self { per_m: 0.0, variance: config.fall_sigma.powi(2) }
+        Self(Fading::new(config.fall_sigma))
     }
 
     /// How much lower the road is per metre to the right.
     pub fn per_m(&self) -> f64 {
-        self.per_m
+        self.0.value
     }
 
     /// So much farther along the road it may be another.
     pub fn advance(&mut self, way_m: f64, config: &RoadConfig) {
-        let kept = (-way_m.abs() / config.fall_length_m.max(f64::MIN_POSITIVE)).exp();
-        let prior = config.fall_sigma.powi(2);
-        self.per_m *= kept;
-        self.variance = prior + kept * kept * (self.variance - prior);
+        self.0.advance(way_m, config.fall_length_m, config.fall_sigma);
     }
 
     /// Learns from views that were made with this fall, and tells by which factor
     /// their shift is too long for what is known then.
     pub fn stretch(&mut self, shift: &Shift, height_m: f64, config: &RoadConfig) -> f64 {
         let Some([left_m, right_m]) = shift.sides_m else { return 1.0 };
-        let way_m = shift.forward_m.abs().max(config.pixel_m).copysign(shift.forward_m);
+        let way_m = shift.way_m(config);
         // The middles of the sides are half the width apart.
         let slope = config.half_width_m / height_m;
         let noise = 2.0 * (config.side_sigma_m / way_m).powi(2);
-        let expected = slope * slope * self.variance + noise;
         let differ = (left_m - right_m) / way_m;
-        if differ * differ > MOST_DEVIATION * MOST_DEVIATION * expected {
-            return 1.0;
-        }
-        let gain = slope * self.variance / expected;
-        self.per_m += gain * differ;
-        self.variance *= 1.0 - gain * slope;
-        1.0 - shift.middle_m / height_m * gain * differ
+        let gain = self.0.learn(slope, differ, noise);
+        gain.map_or(1.0, |gain| 1.0 - shift.middle_m / height_m * gain * differ)
     }
 }
 
@@ -93,7 +79,7 @@ mod tests {
         let way_m = shift.forward_m / fall.stretch(&shift, HEIGHT_M, &config);
         assert!((way_m - 1.0).abs() < 0.01, "{way_m}");
         fall.advance(10.0 * config.fall_length_m, &config);
-        assert!(fall.per_m().abs() < 1e-5 && (fall.variance.sqrt() / config.fall_sigma - 1.0).abs() < 1e-3);
+        assert!(fall.per_m().abs() < 1e-5 && (fall.0.variance.sqrt() / config.fall_sigma - 1.0).abs() < 1e-3);
     }
 
     #[test]

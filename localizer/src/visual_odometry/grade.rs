@@ -6,34 +6,26 @@
 //! shifts by more than the near one.
 
 use super::config::RoadConfig;
+use super::fading::Fading;
 use super::road::Shift;
 
-/// Standard deviations by which two halves differ at most.
-const MOST_DEVIATION: f64 = 3.0;
-
 /// The curvature of the road upwards, and how well it is known.
-pub(super) struct Grade {
-    sag_per_m: f64,
-    variance: f64,
-}
+pub(super) struct Grade(Fading);
 
 impl Grade {
     /// Of a road of which nothing is seen yet.
     pub fn new(config: &RoadConfig) -> Self {
-        Self { sag_per_m: 0.0, variance: config.sag_sigma_per_m.powi(2) }
+        Self(Fading::new(config.sag_sigma_per_m))
     }
 
     /// Positive in a sag, negative on a crest, 1/m.
     pub fn sag_per_m(&self) -> f64 {
-        self.sag_per_m
+        self.0.value
     }
 
     /// So much farther along the road it may be another.
     pub fn advance(&mut self, way_m: f64, config: &RoadConfig) {
-        let kept = (-way_m.abs() / config.sag_length_m.max(f64::MIN_POSITIVE)).exp();
-        let prior = config.sag_sigma_per_m.powi(2);
-        self.sag_per_m *= kept;
-        self.variance = prior + kept * kept * (self.variance - prior);
+        self.0.advance(way_m, config.sag_length_m, config.sag_sigma_per_m);
     }
 
     /// Learns from views that were made with this curvature, and tells by which
@@ -41,18 +33,12 @@ impl Grade {
     pub fn stretch(&mut self, shift: &Shift, height_m: f64, config: &RoadConfig) -> f64 {
         let Some([far, near]) = shift.halves else { return 1.0 };
         let of_sag = |ahead_m: f64| 1.5 * ahead_m * ahead_m / height_m;
-        let way_m = shift.forward_m.abs().max(config.pixel_m).copysign(shift.forward_m);
+        let way_m = shift.way_m(config);
         let slope = of_sag(far.ahead_m) - of_sag(near.ahead_m);
         let noise = 2.0 * (config.half_sigma_m / way_m).powi(2);
-        let expected = slope * slope * self.variance + noise;
         let differ = (far.forward_m - near.forward_m) / way_m;
-        if differ * differ > MOST_DEVIATION * MOST_DEVIATION * expected {
-            return 1.0;
-        }
-        let gain = slope * self.variance / expected;
-        self.sag_per_m += gain * differ;
-        self.variance *= 1.0 - gain * slope;
-        1.0 + 0.5 * (of_sag(far.ahead_m) + of_sag(near.ahead_m)) * gain * differ
+        let gain = self.0.learn(slope, differ, noise);
+        gain.map_or(1.0, |gain| 1.0 + 0.5 * (of_sag(far.ahead_m) + of_sag(near.ahead_m)) * gain * differ)
     }
 }
 
@@ -95,7 +81,9 @@ mod tests {
         let way_m = shift.forward_m / grade.stretch(&shift, HEIGHT_M, &config);
         assert!((way_m / 1.3 - 1.0).abs() < 0.03, "{way_m}");
         grade.advance(10.0 * config.sag_length_m, &config);
-        assert!(grade.sag_per_m().abs() < 1e-5 && (grade.variance.sqrt() / config.sag_sigma_per_m - 1.0).abs() < 1e-3);
+        assert!(
+            grade.sag_per_m().abs() < 1e-5 && (grade.0.variance.sqrt() / config.sag_sigma_per_m - 1.0).abs() < 1e-3
+        );
     }
 
     #[test]

@@ -8,6 +8,7 @@
 //! is pitched against it.
 
 mod config;
+mod fading;
 mod fall;
 mod grade;
 mod road;

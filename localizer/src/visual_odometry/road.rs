@@ -75,6 +75,13 @@ pub(super) struct Shift {
     pub middle_m: f64,
 }
 
+impl Shift {
+    /// How far forward, as what something is a share of: at least a pixel.
+    pub fn way_m(&self, config: &RoadConfig) -> f64 {
+        self.forward_m.abs().max(config.pixel_m).copysign(self.forward_m)
+    }
+}
+
 /// One half of a view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Half {

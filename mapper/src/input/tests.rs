@@ -276,6 +276,11 @@ fn a_folder_that_does_not_fit_is_told() {
     );
 }
 
+/// A cloud or a folder of scans, with poses of its lidar and nothing else.
+fn beside<'a>(path: &'a Path, survey: &'a Path) -> ScanInput<'a> {
+    ScanInput { path, survey, frame: SurveyFrame::Lidar, calibration: None, scan_times: None, reduced_by_m: None }
+}
+
 #[test]
 fn a_stitched_cloud_is_cut_by_time_or_by_position() {
     let root = tempfile::tempdir().unwrap();
@@ -289,14 +294,7 @@ fn a_stitched_cloud_is_cut_by_time_or_by_position() {
     let choice = Choice { every: 4, ..ALL };
     let open = |times: &dyn Fn(usize) -> f64| {
         write_las(&cloud, &points, Some(times));
-        let input = ScanInput {
-            path: &cloud,
-            survey: &survey,
-            frame: SurveyFrame::Lidar,
-            calibration: None,
-            scan_times: None,
-            reduced_by_m: None,
-        };
+        let input = beside(&cloud, &survey);
         let config = InputConfig { held_points: 50, longest_gap_s: 1.0, ..InputConfig::default() };
         open_stitched(&input, choice, 120.0, &config, &LidarConfig::default()).unwrap()
     };
@@ -312,14 +310,7 @@ fn a_stitched_cloud_is_cut_by_time_or_by_position() {
     assert!(scan.points.iter().all(|p| (p.y - 3.0).abs() < 1e-3 && p.z.abs() < 1e-3 && p.x.abs() < 10.1));
     assert!((scan.reflectance[0] - 40_000.0 / 65_535.0).abs() < 1e-6);
     std::fs::write(&survey, "1 9000 0 0 0 0 0 1\n2 9001 0 0 0 0 0 1\n").unwrap();
-    let input = ScanInput {
-        path: &cloud,
-        survey: &survey,
-        frame: SurveyFrame::Lidar,
-        calibration: None,
-        scan_times: None,
-        reduced_by_m: None,
-    };
+    let input = beside(&cloud, &survey);
     let said =
         open_stitched(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default()).unwrap_err().to_string();
     assert!(said.contains("none of its 160 points is near the poses of"), "{said}");
@@ -337,14 +328,7 @@ fn a_stitched_cloud_of_a_drive_with_a_stop_is_cut_where_its_places_are() {
         .map(|i| ScanPoint { x_m: f32::from(i as i16) * 0.25, y_m: 3.0, z_m: 1.75, reflectance: 40_000.0 })
         .collect();
     write_las(&cloud, &points, None);
-    let input = ScanInput {
-        path: &cloud,
-        survey: &survey,
-        frame: SurveyFrame::Lidar,
-        calibration: None,
-        scan_times: None,
-        reduced_by_m: None,
-    };
+    let input = beside(&cloud, &survey);
     let drive = open_stitched(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default()).unwrap();
     for frame in &drive.frames {
         let scan = drive.read(*frame, 0.0).unwrap();

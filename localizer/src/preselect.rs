@@ -127,6 +127,10 @@ impl Reach {
 /// Where a line of sight is looked at, shares of its length.
 const SIGHT_SHARES: [f64; 4] = [0.2, 0.4, 0.6, 0.8];
 
+/// Beside the axis by more, nothing is in the image of a camera that still looks ahead,
+/// radians: just under a right angle, where slopes end.
+const WIDEST_RAD: f64 = 1.5;
+
 /// What preselection looks up.
 #[derive(Debug)]
 pub struct Lookup<'a> {
@@ -230,18 +234,16 @@ impl Lookup<'_> {
         distance_m < self.config.max_distance_m && size_m > self.config.min_relative_size * distance_m
     }
 
-    /// In front of the camera and in the image, for some pose in reach. Only
-    /// to the sides: a pole's ends may well lie above or below.
+    /// In front of the camera and in the image, for some pose in reach, however far
+    /// it turns. Only to the sides: a pole's ends may well lie above or below.
     fn may_be_in_image(&self, p: &Vector3<f64>, reach: &Reach) -> bool {
         let depth_m = p.z + reach.position_m;
         if depth_m < NEAR_M {
             return false;
         }
-        let half_left = self.camera.cx_px / self.camera.fx_px;
-        let half_right = (self.image.width_px - self.camera.cx_px) / self.camera.fx_px;
-        let slope_margin = reach.angle_rad * (1.0 + half_left.max(half_right).powi(2));
-        p.x > -(half_left + slope_margin) * depth_m - reach.position_m
-            && p.x < (half_right + slope_margin) * depth_m + reach.position_m
+        let slope_at = |half_px: f64| ((half_px / self.camera.fx_px).atan() + reach.angle_rad).min(WIDEST_RAD).tan();
+        let (left, right) = (slope_at(self.camera.cx_px), slope_at(self.image.width_px - self.camera.cx_px));
+        p.x > -left * depth_m - reach.position_m && p.x < right * depth_m + reach.position_m
     }
 
     /// Keeps the stretches of a polyline that lie 5 to 20 m (as configured)
@@ -365,6 +367,21 @@ mod tests {
         let wide = Reach { position_m: 12.0, angle_rad: 0.6 };
         let found = select(&wide, &PreselectConfig::default());
         assert!(found.poles.iter().any(|p| p.index == 2));
+    }
+
+    #[test]
+    fn what_a_camera_in_reach_sees_once_it_turns_is_a_candidate() {
+        let config = PreselectConfig::default();
+        let reach = Reach { position_m: 0.0, angle_rad: 0.6 };
+        let half_rad = (camera().cx_px / camera().fx_px).atan();
+        for (off_rad, is_in_reach) in [(half_rad + 0.55, true), (half_rad + 0.65, false)] {
+            let beside = pole(-15.0 * off_rad.sin(), 15.0 * off_rad.cos(), 3.0, PoleKind::LampPost);
+            let mut map = LocalMap::whole(SemanticMap { poles: vec![beside], ..map() });
+            let mut out = Candidates::default();
+            let lookup = Lookup { map: &mut map, camera: &camera(), image: IMAGE, config: &config };
+            lookup.select(&Pose::identity(), &reach, &mut out).unwrap();
+            assert_eq!(out.poles.len(), usize::from(is_in_reach), "{off_rad} rad");
+        }
     }
 
     #[test]

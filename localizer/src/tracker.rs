@@ -223,7 +223,7 @@ impl<'a> Tracker<'a> {
         let mut jumps = Vec::new();
         for hypothesis in &mut self.bank {
             if let Some(jump) = hypothesis.observe(&scene, &mut self.associator, self.time_variance_s2, &self.config) {
-                jumps.push(Hypothesis::beside(hypothesis, &jump, self.config.bank.jump_cost));
+                jumps.push(Hypothesis::jumped(hypothesis, &jump, self.config.bank.jump_cost));
             }
         }
         for jump in jumps {

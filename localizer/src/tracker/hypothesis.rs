@@ -93,6 +93,16 @@ impl Hypothesis {
     /// so much, and it pays what that costs; or the rival was beside it all
     /// along, moves as it does, and pays for a jump.
     pub fn beside(best: &Self, rival: &Refined, jump_cost: f64) -> Self {
+        Self::aside(best, rival, rival.prior_cost, jump_cost)
+    }
+
+    /// What [`Self::observe`] returned: it was asked from where `best` was expected, so
+    /// what it pays for the motion is all that it pays for its distance.
+    pub fn jumped(best: &Self, jump: &Refined, jump_cost: f64) -> Self {
+        Self::aside(best, jump, 0.0, jump_cost)
+    }
+
+    fn aside(best: &Self, rival: &Refined, surprise: f64, jump_cost: f64) -> Self {
         let off = local(&best.predicted.map_from_camera, &rival.map_from_camera);
         let turning = Cholesky::new(best.predicted.pose_covariance()).map(|factor| 0.5 * off.dot(&factor.solve(&off)));
         let (state, handicap) = if let Some(turning) = turning.filter(|cost| *cost < jump_cost) {
@@ -105,7 +115,7 @@ impl Hypothesis {
         };
         let mut hypothesis = Self::blank(state, best.past_weight, handicap);
         hypothesis.speed_is_unknown = best.speed_is_unknown;
-        hypothesis.take(rival, rival.prior_cost);
+        hypothesis.take(rival, surprise);
         // A wrong time looks like a jump, too.
         hypothesis.interval = best.knows_its_speed().then(|| Interval::new(&best.predicted, rival));
         hypothesis

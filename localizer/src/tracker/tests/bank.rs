@@ -165,6 +165,29 @@ fn a_jump_tells_of_wrong_times_once_the_speed_is_known() {
 }
 
 #[test]
+fn a_jump_pays_once_for_its_distance() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let mut tracker = followed(&world, &mut map);
+    let best = tracker.bank.remove(0);
+    tracker.select(&best.state.map_from_camera, &Reach { position_m: 5.0, angle_rad: 0.1 }).unwrap();
+    let prior = Prior::new(best.state.map_from_camera, &best.state.pose_covariance()).unwrap();
+    let scene = tracker.sight.scene(&tracker.config);
+    let gate_covariance = best.state.pose_covariance();
+    let question =
+        Question { scene: &scene, gate_covariance: &gate_covariance, prior: &prior, config: &tracker.config };
+    let beside = retract(&best.state.map_from_camera, &(Tangent::x() * 0.5));
+    let mut far = tracker.associator.refine(&question, &beside).unwrap();
+    far.prior_cost = 7.0;
+    let paid = |jump: &Hypothesis| far.support + far.occam + best.past_weight - jump.log_weight;
+    for jump_cost in [1.0, 1e3] {
+        let (jumped, rival) = (Hypothesis::jumped(&best, &far, jump_cost), Hypothesis::beside(&best, &far, jump_cost));
+        assert!((paid(&jumped) - jumped.handicap).abs() < 1e-9, "{}", paid(&jumped));
+        assert!((paid(&rival) - rival.handicap - far.prior_cost).abs() < 1e-9, "{}", paid(&rival));
+    }
+}
+
+#[test]
 fn what_was_hidden_from_the_best_was_hidden_from_those_beside_it() {
     let world = World::new(street());
     let mut map = LocalMap::whole(world.map.clone());

@@ -56,6 +56,13 @@ pub enum LandmarkId {
     Marks(usize),
 }
 
+impl LandmarkId {
+    /// It stands or hangs beside the road; all others are painted on it.
+    pub fn is_object(self) -> bool {
+        matches!(self, Self::Pole(_) | Self::Sign(_))
+    }
+}
+
 /// A landmark and the feature that it was found in.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Correspondence {

@@ -4,11 +4,13 @@ mod lanes;
 mod marks;
 mod poles;
 mod signs;
+mod spread;
 
 use common::geometry::{PinholeCamera, Pose};
 use nalgebra::{Matrix2, Matrix6, Vector2, Vector3, Vector6};
 
 use super::detection::{Clutter, DetectionConfig};
+use super::foreseen::Foreseen;
 use super::odds::UsualOdds;
 use crate::estimate::LandmarkId;
 use crate::measurement::{LaneEnds, LaneVertex, NoiseConfig, Pairing};
@@ -19,6 +21,7 @@ use crate::residual::Observation;
 use lanes::LaneAt;
 use marks::EdgePair;
 use poles::PoleAt;
+use spread::Spread;
 
 /// Squared Mahalanobis distance, two degrees of freedom, beyond which a pair
 /// is no pair: 99.9 % of the true ones lie within.
@@ -84,6 +87,8 @@ pub struct Matcher {
     /// What the other candidates cost if each was missed for its own reason,
     /// nats.
     apart: f64,
+    /// Poles and signs that were not matched.
+    missed: Foreseen,
 }
 
 /// A pair within the gate.
@@ -218,35 +223,6 @@ impl Look<'_> {
     }
 }
 
-/// Bounds the standard deviation in any direction by those of the components:
-/// `sqrt(j' P j) <= sum |j_i| sigma_i` where no correlation exceeds one.
-#[derive(Debug, Clone, Copy)]
-struct Spread {
-    sigmas: Vector6<f64>,
-}
-
-impl Spread {
-    fn new(covariance: &Matrix6<f64>) -> Self {
-        let sigmas = covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
-        // Rounding may have left correlations beyond one.
-        let mut most = 1.0_f64;
-        for i in 0..6 {
-            for j in 0..i {
-                let both = sigmas[i] * sigmas[j];
-                let own = covariance[(i, j)].abs().max(covariance[(j, i)].abs());
-                if own > both {
-                    most = most.max(own / both);
-                }
-            }
-        }
-        Self { sigmas: sigmas * (most.sqrt() * (1.0 + 1e-9)) }
-    }
-
-    fn most(&self, row: &Vector6<f64>) -> f64 {
-        row.abs().dot(&self.sigmas)
-    }
-}
-
 impl Matcher {
     /// Matches the scene at a pose that is known to `covariance` (camera
     /// tangent) and returns the support of the frame for it, in nats. The
@@ -276,6 +252,7 @@ impl Matcher {
             wanted,
         };
         self.matches.clear();
+        self.missed = Foreseen::default();
         let mut matched = 0.0;
         self.apart = self.match_poles(&look, &mut matched)
             + self.match_lanes(&look, &mut matched)
@@ -311,10 +288,12 @@ impl Matcher {
     /// Closes the matching of one kind of landmark: adds the support of the
     /// pairs that are left to `matched` and returns what the other candidates
     /// cost. `missing` is that of one candidate, `complete` says landmark,
-    /// feature and observations of a pair.
+    /// feature and observations of a pair. What is no line of the road is
+    /// counted as missed.
     fn close(
         &mut self,
         wanted: Wanted,
+        are_objects: bool,
         matched: &mut f64,
         mut missing: impl FnMut(usize) -> f64,
         complete: impl Fn(&Pair) -> Option<(LandmarkId, usize, Pairing)>,
@@ -333,7 +312,13 @@ impl Matcher {
                     self.matches.push(Match { landmark, feature, pairing, distance2, support, unseen });
                 }
                 None if wanted == Wanted::Matches => {}
-                None => unseen += missing(candidate),
+                None => {
+                    let cost = missing(candidate);
+                    unseen += cost;
+                    if are_objects && wanted == Wanted::Both {
+                        self.missed.count(cost, false);
+                    }
+                }
             }
         }
         self.pairs.clear();
@@ -343,12 +328,15 @@ impl Matcher {
     /// Takes back the matches that are worth less than the landmark unseen;
     /// returns the support that is left.
     pub fn drop_worthless(&mut self, detection: &DetectionConfig) -> f64 {
-        let (matched, apart) = (&mut self.matched, &mut self.apart);
+        let (matched, apart, missed) = (&mut self.matched, &mut self.apart, &mut self.missed);
         self.matches.retain(|found| {
             let worthless = found.support < found.unseen;
             if worthless {
                 *matched -= found.support;
                 *apart += found.unseen;
+                if found.landmark.is_object() {
+                    missed.count(found.unseen, false);
+                }
             }
             !worthless
         });
@@ -361,6 +349,15 @@ impl Matcher {
         let (said, unseen) =
             self.matches.iter().fold((0.0, 0.0), |(said, unseen), found| (said + found.support, unseen + found.unseen));
         said + detection.all_unseen(self.apart) - detection.all_unseen(self.apart + unseen)
+    }
+
+    /// The poles and signs that should be seen at the pose of [`Self::run`], and what
+    /// of them is matched.
+    pub fn foreseen(&self) -> Foreseen {
+        let mut foreseen = self.missed;
+        let found = self.matches.iter().filter(|found| found.landmark.is_object());
+        found.for_each(|found| foreseen.count(found.unseen, true));
+        foreseen
     }
 
     /// Appends the observations of all matches, grouped.

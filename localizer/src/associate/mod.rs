@@ -1,6 +1,7 @@
 //! Section IV.E: which feature is which landmark, and the pose that follows.
 
 pub mod detection;
+pub mod foreseen;
 pub mod matching;
 pub mod odds;
 pub mod paper;

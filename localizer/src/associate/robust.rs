@@ -6,6 +6,7 @@ use common::geometry::{Pose, local};
 use nalgebra::{Cholesky, Matrix6};
 use serde::{Deserialize, Serialize};
 
+use super::foreseen::Foreseen;
 use super::matching::{Match, Matcher, Scene};
 use super::separation::Balance;
 use crate::config::Config;
@@ -66,6 +67,8 @@ pub struct Refined {
     pub gain: f64,
     /// Matches.
     pub matches: usize,
+    /// What should be seen at the pose, and what of that is matched.
+    pub foreseen: Foreseen,
     /// Root mean square of the matched distances, pixels.
     pub rms_px: f64,
     /// Mean of the squared whitened distances of the matches: 1 where the
@@ -210,6 +213,7 @@ impl Associator {
             worth,
             gain: worth - prior_cost + occam,
             matches: self.matcher.matches.len(),
+            foreseen: self.matcher.foreseen(),
             rms_px,
             mean_square,
             iterations,

@@ -52,6 +52,15 @@ pub struct HealthConfig {
     /// Standard deviations by which the image of an ok frame may move along its way what the
     /// motion predicted: an older image than the last asks for more, braking does not.
     pub max_contradiction_sigmas: f64,
+    /// Way over which what should have been seen is remembered, metres.
+    pub foreseen_memory_m: f64,
+    /// Least share of the poles and signs that should have been seen along it that were, for
+    /// the first ok of all and after it was lost. It is 1 where they are found as often as
+    /// [`crate::associate::detection::DetectionConfig`] says. In a wrong place, or with a wrong
+    /// map, some fit by chance and hold the pose: about half. This is midway.
+    pub least_foreseen_anew: f64,
+    /// The same once it was ok: trees, traffic and a map that ages may take half of them.
+    pub least_foreseen: f64,
     /// A frame holds a pose if what was matched is worth at least this, nats,
     /// whatever was not seen: with a house before half of the landmarks the
     /// rest still holds.
@@ -92,6 +101,9 @@ impl Default for HealthConfig {
             max_separation_m: 0.5,
             max_separation_of_two_m: 0.7,
             max_contradiction_sigmas: 3.0,
+            foreseen_memory_m: 100.0,
+            least_foreseen_anew: 0.75,
+            least_foreseen: 0.5,
             min_worth: 6.0,
             lost_after_frames: 8,
             most_missed: 3.0,
@@ -159,6 +171,7 @@ pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, heal
         && best.mean_square <= health.max_mean_square
         && best.separation.one_m <= health.max_separation_m
         && context.lead >= health.ok_lead + best.handicap;
+    let least_foreseen = if was_ok { health.least_foreseen } else { health.least_foreseen_anew };
     let is_well = is_followed
         && (was_ok || best.mean_square <= health.max_mean_square_anew)
         && best.separation.two_m <= health.max_separation_of_two_m
@@ -170,7 +183,10 @@ pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, heal
         (false, true) => health.well_frames_again,
         (false, false) => health.well_frames_anew,
     };
-    let is_ok = is_well && well_frames >= asked_frames && best.led_frames >= health.led_frames;
+    let is_ok = is_well
+        && well_frames >= asked_frames
+        && best.led_frames >= health.led_frames
+        && best.foreseen.share() >= least_foreseen;
     let status = if is_ok { Status::Ok } else { Status::Degraded };
     Verdict { status, is_followed, well_frames, was_ok: was_ok || is_ok, was_ever_ok: was_ever_ok || is_ok }
 }

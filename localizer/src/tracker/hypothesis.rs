@@ -8,6 +8,7 @@ use super::bank::BankConfig;
 use super::clock::Interval;
 use super::health::HealthConfig;
 use super::region::Region;
+use crate::associate::foreseen::Foreseen;
 use crate::associate::matching::Scene;
 use crate::associate::robust::{Associator, Question, Refined};
 use crate::associate::separation::Separation;
@@ -23,6 +24,10 @@ use crate::start::{is_alike, keep_on_road};
 
 /// Most speeds on each side of the mean that one of unknown speed is split into.
 const MOST_SPLITS: f64 = 50.0;
+
+/// What should be seen where a hypothesis begins counts as along so much of a way, metres:
+/// as one frame does in a town.
+const FIRST_WAY_M: f64 = 1.0;
 
 /// One belief about where the camera is, and what speaks for it.
 #[derive(Debug, Clone)]
@@ -68,6 +73,11 @@ pub struct Hypothesis {
     pub separation: Separation,
     /// How far it is from the nearest road, metres.
     pub off_road_m: f64,
+    /// What should have been seen along its way, and what of that was: landmarks
+    /// times metres, with fading memory.
+    pub foreseen: Foreseen,
+    /// The way since the frame before, metres.
+    way_m: f64,
     /// Root mean square distance of its matches, pixels.
     pub rms_px: f64,
     /// Solver iterations in the last frame.
@@ -142,6 +152,8 @@ impl Hypothesis {
             margin: None,
             separation: Separation::default(),
             off_road_m: 0.0,
+            foreseen: Foreseen::default(),
+            way_m: FIRST_WAY_M,
             rms_px: 0.0,
             iterations: 0,
             converged: false,
@@ -155,6 +167,7 @@ impl Hypothesis {
         self.rms_px = refined.rms_px;
         self.iterations = refined.iterations;
         self.converged = refined.converged;
+        self.foreseen.add(&refined.foreseen, self.way_m);
         self.evidence = refined.support + refined.occam - surprise;
         self.weigh();
     }
@@ -215,6 +228,9 @@ impl Hypothesis {
     pub fn predict(mut self, dt_s: f64, odometry: Option<&Odometry>, config: &Config, out: &mut Vec<Self>) {
         self.age_frames += 1;
         self.interval = None;
+        let way_m = self.state.velocity.fixed_rows::<3>(0).norm() * dt_s;
+        self.foreseen.fade((-way_m / config.health.foreseen_memory_m).exp());
+        self.way_m = way_m;
         let is_told = odometry.is_some_and(|shown| shown.speed_m_s.is_some());
         if !self.speed_is_unknown || dt_s <= 0.0 || is_told {
             self.speed_is_unknown &= !is_told;

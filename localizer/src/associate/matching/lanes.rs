@@ -82,6 +82,7 @@ impl Matcher {
         let of = |at: &LaneAt| vertices.get(at.start..at.end).unwrap_or(&[]);
         let unseen = self.close(
             look.wanted,
+            false,
             matched,
             |candidate| at(candidate).map_or(0.0, |(at, lane)| missing(look, lane, of(at))),
             |pair| {

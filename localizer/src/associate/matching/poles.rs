@@ -130,6 +130,7 @@ impl Matcher {
         let at = |candidate: usize| poles.get(candidate).copied().flatten().zip(scene.candidates.poles.get(candidate));
         let unseen = self.close(
             look.wanted,
+            true,
             matched,
             |candidate| at(candidate).map_or(0.0, |(at, pole)| at.missing(look, pole)),
             |pair| {

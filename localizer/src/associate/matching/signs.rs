@@ -46,6 +46,7 @@ impl Matcher {
         self.settle(scene.features.signs.len(), signs.len());
         self.close(
             look.wanted,
+            true,
             matched,
             |candidate| {
                 let sign = &signs[candidate];

@@ -150,7 +150,16 @@ fn ok_takes_as_many_good_frames_in_a_row() {
     let world = World::new(Recipe { missed: 0.7, pole_spacing_m: 15.0, ..street() });
     let is_ok = |well_frames: usize| {
         let (well_frames_anew, well_frames_again) = (well_frames, well_frames);
-        let health = HealthConfig { well_frames, well_frames_anew, well_frames_again, ..HealthConfig::default() };
+        // Three of ten that should be seen are: no matter here.
+        let (least_foreseen, least_foreseen_anew) = (0.0, 0.0);
+        let health = HealthConfig {
+            well_frames,
+            well_frames_anew,
+            well_frames_again,
+            least_foreseen_anew,
+            least_foreseen,
+            ..HealthConfig::default()
+        };
         let config = Config { health, ..Config::default() };
         let run = run_with(&config, &world, &GpsConfig::default(), 3, &NONE);
         run.statuses.iter().map(|status| *status == Status::Ok).collect::<Vec<_>>()
@@ -191,4 +200,25 @@ fn what_leads_is_ahead_of_all_others_however_they_stand() {
         tracker.step(&input).unwrap();
     }
     assert!(followed_s < 1e-9 && tracker.unfollowed_s > 0.35, "{followed_s} {}", tracker.unfollowed_s);
+}
+
+/// Streets of the same road and lines: where the posts are others, what fits by chance
+/// holds a pose somewhere along the road.
+#[test]
+fn the_map_of_another_street_is_seldom_believed() {
+    let recipe = |seed: u64| Recipe { seed, length_m: 300.0, curvature: 0.0, ..Recipe::default() };
+    let ok_frames = |of_map: u64, least_foreseen: Option<f64>| {
+        let mut world = World::new(recipe(1));
+        world.map = World::new(recipe(of_map)).map;
+        let mut config = Config::default();
+        if let Some(least) = least_foreseen {
+            (config.health.least_foreseen, config.health.least_foreseen_anew) = (least, least);
+        }
+        let run = run_with(&config, &world, &GpsConfig::default(), 1, &Mishap { has_wheels: true, ..NONE });
+        run.statuses.iter().filter(|status| **status == Status::Ok).count()
+    };
+    let of_others = |least: Option<f64>| (2..8).map(|seed| ok_frames(seed, least)).sum::<usize>();
+    let (believed, else_believed) = (of_others(None), of_others(Some(0.0)));
+    assert!(else_believed > 60 && 4 * believed < else_believed, "{believed} of {else_believed}");
+    assert_eq!(ok_frames(1, None), ok_frames(1, Some(0.0)));
 }

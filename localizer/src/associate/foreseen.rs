@@ -1,0 +1,85 @@
+//! What the map says should be seen, against what is.
+
+/// Poles, signs and lights that should be seen, and those of them that were found.
+/// Each weighs as much as it was expected: that what is far and hardly ever found was
+/// not, or something else in its stead, tells little.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Foreseen {
+    /// Sum of the squared probabilities to find each.
+    pub expected: f64,
+    /// Sum of the probabilities of those found: more where the view is good.
+    pub found: f64,
+}
+
+impl Foreseen {
+    /// Counts one landmark that costs so much unseen, nats (not above 0).
+    pub fn count(&mut self, unseen: f64, is_found: bool) {
+        let probability = -unseen.exp_m1();
+        self.expected += probability * probability;
+        if is_found {
+            self.found += probability;
+        }
+    }
+
+    /// Takes in what another frame shows, `weight` times.
+    pub fn add(&mut self, other: &Self, weight: f64) {
+        self.expected += weight * other.expected;
+        self.found += weight * other.found;
+    }
+
+    /// Keeps a share of what was counted.
+    pub fn fade(&mut self, kept: f64) {
+        self.expected *= kept;
+        self.found *= kept;
+    }
+
+    /// Share of what was expected that was found, by Laplace's rule of succession: one
+    /// half before anything was.
+    pub fn share(&self) -> f64 {
+        (self.found + 1.0) / (self.expected + 2.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a landmark that is found so often costs unseen, nats.
+    fn unseen(probability: f64) -> f64 {
+        (1.0 - probability).ln()
+    }
+
+    #[test]
+    fn who_finds_as_often_as_expected_finds_all_that_is_expected() {
+        let mut foreseen = Foreseen::default();
+        assert!((foreseen.share() - 0.5).abs() < 1e-12, "nothing is known yet");
+        for i in 0..1000 {
+            // Of near ones eight of ten, of far ones one of ten.
+            foreseen.count(unseen(0.8), i % 10 < 8);
+            foreseen.count(unseen(0.1), i % 10 < 1);
+            // Outside the image nothing is expected.
+            foreseen.count(0.0, i % 2 == 0);
+        }
+        assert!((foreseen.share() - 1.0).abs() < 0.01, "{}", foreseen.share());
+    }
+
+    #[test]
+    fn far_ones_that_fit_by_chance_do_not_make_up_for_near_ones_that_are_missing() {
+        let mut foreseen = Foreseen::default();
+        for _ in 0..100 {
+            foreseen.count(unseen(0.8), false);
+            foreseen.count(unseen(0.1), true);
+        }
+        assert!(foreseen.share() < 0.2, "{}", foreseen.share());
+    }
+
+    #[test]
+    fn what_was_seen_long_ago_is_forgotten() {
+        let (mut foreseen, mut now) = (Foreseen::default(), Foreseen::default());
+        now.count(unseen(0.9), true);
+        foreseen.add(&now, 1e3);
+        assert!(foreseen.share() > 1.0);
+        foreseen.fade(1e-6);
+        assert!((foreseen.share() - 0.5).abs() < 1e-3, "{}", foreseen.share());
+    }
+}

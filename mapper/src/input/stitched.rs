@@ -21,7 +21,7 @@ use tempfile::TempDir;
 use super::Source;
 use super::beams;
 use super::config::InputConfig;
-use super::formats::{cut_off, las_reader};
+use super::formats::{at_a_time, cut_off, las_reader};
 use super::scans::ScanInput;
 use super::survey::{Placement, Poses, assumed_times_s};
 use crate::drive::{Choice, Drive, Survey};
@@ -29,8 +29,6 @@ use crate::error::{Error, Result};
 use crate::lidar::LidarConfig;
 use crate::path::{Path as DrivenPath, Way};
 
-/// Points that are read at a time.
-const CHUNK: u64 = 1 << 18;
 /// Share of the points that must have a time near the trajectory, for the
 /// times to be believed.
 const TIMED_SHARE: f64 = 0.5;
@@ -142,7 +140,7 @@ pub fn open_stitched(
 /// has, too.
 fn times_fit(cloud: &Path, cutter: &Cutter) -> Result<bool> {
     let mut reader = las_reader(cloud)?;
-    let data = reader.read_points(CHUNK).map_err(|e| Error::las(cloud, &e))?;
+    let data = reader.read_points(at_a_time(&reader)).map_err(|e| Error::las(cloud, &e))?;
     let Some(times) = data.gps_time() else { return Ok(false) };
     let fit = times.filter(|t| cutter.by_time(*t).is_some()).count();
     Ok(fit as f64 >= TIMED_SHARE * data.len() as f64 && fit > 0)
@@ -215,7 +213,7 @@ impl<'a> Cutter<'a> {
         let mut held: Vec<Vec<u8>> = vec![Vec::new(); self.places.len()];
         let mut holding = 0;
         loop {
-            let data = reader.read_points(CHUNK).map_err(|e| Error::las(cloud, &e))?;
+            let data = reader.read_points(at_a_time(&reader)).map_err(|e| Error::las(cloud, &e))?;
             if data.is_empty() {
                 break;
             }

@@ -12,6 +12,8 @@ use super::*;
 use crate::drive::{Choice, Drive};
 use crate::lidar::LidarConfig;
 
+mod stitched;
+
 const ALL: Choice = Choice { every: 1, first: 0, last: usize::MAX };
 
 /// Points in quarters of a metre: exact in all formats.
@@ -279,59 +281,4 @@ fn a_folder_that_does_not_fit_is_told() {
 /// A cloud or a folder of scans, with poses of its lidar and nothing else.
 fn beside<'a>(path: &'a Path, survey: &'a Path) -> ScanInput<'a> {
     ScanInput { path, survey, frame: SurveyFrame::Lidar, calibration: None, scan_times: None, reduced_by_m: None }
-}
-
-#[test]
-fn a_stitched_cloud_is_cut_by_time_or_by_position() {
-    let root = tempfile::tempdir().unwrap();
-    let (cloud, survey) = (root.path().join("cloud.laz"), root.path().join("poses.txt"));
-    let rows: Vec<String> = (0..9).map(|i| format!("{} {} 0 1.75 0 0 0 1\n", 50 + i, i * 5)).collect();
-    std::fs::write(&survey, rows.concat()).unwrap();
-    // Points along the road, each 3 m left of it and level with the lidar.
-    let points: Vec<ScanPoint> = (0..160)
-        .map(|i| ScanPoint { x_m: f32::from(i as i16) * 0.25, y_m: 3.0, z_m: 1.75, reflectance: 40_000.0 })
-        .collect();
-    let choice = Choice { every: 4, ..ALL };
-    let open = |times: &dyn Fn(usize) -> f64| {
-        write_las(&cloud, &points, Some(times));
-        let input = beside(&cloud, &survey);
-        let config = InputConfig { held_points: 50, longest_gap_s: 1.0, ..InputConfig::default() };
-        open_stitched(&input, choice, 120.0, &config, &LidarConfig::default()).unwrap()
-    };
-    let seen = |drive: &Drive| -> Vec<usize> {
-        drive.frames.iter().map(|f| drive.read(*f, 0.0).unwrap().points.len()).collect()
-    };
-    let by_time = open(&|_| 54.2);
-    assert_eq!((by_time.frames.clone(), seen(&by_time)), (vec![0, 4, 8], vec![0, 160, 0]));
-    assert!(!by_time.has_single_scans() && by_time.notes.iter().any(|n| n.contains("cut by time")));
-    let by_position = open(&|_| 0.0);
-    assert_eq!(seen(&by_position), [41, 80, 39]);
-    let scan = by_position.read(4, 0.0).unwrap();
-    assert!(scan.points.iter().all(|p| (p.y - 3.0).abs() < 1e-3 && p.z.abs() < 1e-3 && p.x.abs() < 10.1));
-    assert!((scan.reflectance[0] - 40_000.0 / 65_535.0).abs() < 1e-6);
-    std::fs::write(&survey, "1 9000 0 0 0 0 0 1\n2 9001 0 0 0 0 0 1\n").unwrap();
-    let input = beside(&cloud, &survey);
-    let said =
-        open_stitched(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default()).unwrap_err().to_string();
-    assert!(said.contains("none of its 160 points is near the poses of"), "{said}");
-}
-
-#[test]
-fn a_stitched_cloud_of_a_drive_with_a_stop_is_cut_where_its_places_are() {
-    let root = tempfile::tempdir().unwrap();
-    let (cloud, survey) = (root.path().join("cloud.las"), root.path().join("poses.txt"));
-    // 20 m, 300 poses that shake, 20 m.
-    let x_m = |i: i32| if i < 300 { 5.0 * f64::from(i.min(4)) } else { 5.0 * f64::from(i - 295) };
-    let row = |i: i32| format!("{} {} {} 1.75 0 0 0 1\n", 50 + i, x_m(i), 0.03 * f64::from(i % 3));
-    std::fs::write(&survey, (0..304).map(row).collect::<String>()).unwrap();
-    let points: Vec<ScanPoint> = (0..160)
-        .map(|i| ScanPoint { x_m: f32::from(i as i16) * 0.25, y_m: 3.0, z_m: 1.75, reflectance: 40_000.0 })
-        .collect();
-    write_las(&cloud, &points, None);
-    let input = beside(&cloud, &survey);
-    let drive = open_stitched(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default()).unwrap();
-    for frame in &drive.frames {
-        let scan = drive.read(*frame, 0.0).unwrap();
-        assert!(scan.points.iter().all(|p| p.x.abs() < 2.7), "{frame}: {:?}", scan.points);
-    }
 }

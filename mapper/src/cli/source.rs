@@ -37,8 +37,8 @@ pub struct SourceArgs {
     /// With --scans and --stitched: whose poses the survey holds.
     #[arg(long, value_enum, default_value_t, conflicts_with_all = ["kitti", "raw"])]
     survey_frame: SurveyFrame,
-    /// With --scans: one time per scan, seconds [default: file names that are
-    /// times]; with --stitched: one time per pose.
+    /// With --scans and TUM poses: one time per scan, seconds [default: file
+    /// names that are times]; with KITTI rows: one time per pose.
     #[arg(long, value_name = "TIMES.txt", conflicts_with_all = ["kitti", "raw"])]
     scan_times: Option<PathBuf>,
     /// With --scans and --stitched: what is taken off the coordinates of the

@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use super::Source;
 use super::config::InputConfig;
 use super::formats::ScanFormat;
-use super::survey::{Placement, Poses, SurveyFrame, assumed_times_s, poses_at};
+use super::survey::{Placement, Poses, SurveyFrame, assumed_times_s, poses_at, times_of_rows};
 use crate::drive::{Choice, Drive, Survey};
 use crate::error::{Error, Result};
 use crate::lidar::LidarConfig;
@@ -26,7 +26,7 @@ pub struct ScanInput<'a> {
     pub frame: SurveyFrame,
     /// A `calib.txt` of KITTI's form, where there is a camera.
     pub calibration: Option<&'a Path>,
-    /// A file of one time per scan, seconds.
+    /// A file of one time per scan, or of one per KITTI row, seconds.
     pub scan_times: Option<&'a Path>,
     /// What is taken off the coordinates of the survey's world, metres, where
     /// the first pose shall not decide it.
@@ -95,7 +95,8 @@ impl ScanFolder {
 /// lidar. Poses by time (TUM) are interpolated at the scans' times, which come
 /// from `scan_times` or from file names that are times; where scans have no
 /// times, and for KITTI rows, pose and scan are matched by their number in
-/// the file's name, else by their order.
+/// the file's name, else by their order; then `scan_times` has one time per
+/// row.
 ///
 /// # Errors
 /// A folder without scans or with two formats, poses that do not match, and as
@@ -198,7 +199,11 @@ struct Matched {
 }
 
 fn matched(input: &ScanInput, files: Vec<PathBuf>, poses: &Poses, config: &InputConfig) -> Result<Matched> {
-    let times_s = scan_times(input, &files)?;
+    let times_s = match poses {
+        Poses::Stamped(_) => scan_times(input, &files)?,
+        // Their times are those of the rows.
+        Poses::Rows(_) => files.iter().map(|file| time_of(file)).collect(),
+    };
     let miscounted = |poses: usize| Error::PosesAndScans {
         survey: input.survey.to_path_buf(),
         poses,
@@ -233,7 +238,10 @@ fn matched(input: &ScanInput, files: Vec<PathBuf>, poses: &Poses, config: &Input
                 None if poses.len() == files.len() => (0..files.len()).collect(),
                 None => return Err(miscounted(poses.len())),
             };
-            let times_s = times_s.filter(|t| t.len() == poses.len()).unwrap_or_else(|| assumed_times_s(poses.len()));
+            let times_s = match input.scan_times {
+                Some(path) => times_of_rows(path, input.survey, poses.len())?,
+                None => times_s.filter(|t| t.len() == poses.len()).unwrap_or_else(|| assumed_times_s(poses.len())),
+            };
             Ok(Matched { files: frames.into_iter().zip(files).collect(), poses: poses.clone(), times_s, without: 0 })
         }
     }

@@ -27,7 +27,7 @@ use super::beams;
 use super::config::InputConfig;
 use super::formats::{at_a_time, cut_off, las_reader};
 use super::scans::ScanInput;
-use super::survey::{Placement, Poses, assumed_times_s};
+use super::survey::{Placement, Poses, assumed_times_s, times_of_rows};
 use crate::drive::{Choice, Drive, Survey};
 use crate::error::{Error, Result};
 use crate::lidar::LidarConfig;
@@ -96,11 +96,19 @@ pub fn open_stitched(
 ) -> Result<Drive> {
     let poses = Poses::read(input.survey)?;
     let placement = Placement::new(input.frame, input.calibration, poses.first(), input.reduced_by_m)?;
-    let (poses, times_s): (Vec<Pose>, Option<Vec<f64>>) = match poses {
-        Poses::Stamped(rows) => (rows.iter().map(|r| r.pose).collect(), Some(rows.iter().map(|r| r.time_s).collect())),
-        Poses::Rows(poses) => (poses, input.scan_times.map(common::kitti::read_times).transpose()?),
+    let (poses, times_s): (Vec<Pose>, Option<Vec<f64>>) = match (poses, input.scan_times) {
+        (Poses::Stamped(_), Some(times)) => {
+            let (survey, times) = (input.survey.to_path_buf(), times.to_path_buf());
+            return Err(Error::TimesTwice { survey, times });
+        }
+        (Poses::Stamped(rows), None) => {
+            (rows.iter().map(|r| r.pose).collect(), Some(rows.iter().map(|r| r.time_s).collect()))
+        }
+        (Poses::Rows(poses), times) => {
+            let times_s = times.map(|path| times_of_rows(path, input.survey, poses.len())).transpose()?;
+            (poses, times_s)
+        }
     };
-    let times_s = times_s.filter(|t| t.len() == poses.len());
     let map_from_camera: Vec<Pose> = poses.iter().map(|pose| placement.map_from_camera(pose)).collect();
     let chosen = choice.of(0..poses.len());
     if chosen.is_empty() {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use common::geometry::{Pose, interpolate};
-use common::kitti::{Calibration, read_poses};
+use common::kitti::{Calibration, read_poses, read_times};
 use common::trajectory::{StampedRow, is_tum, read_tum_rows};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -127,6 +127,23 @@ impl Poses {
 /// second, as lidars turn.
 pub fn assumed_times_s(frames: usize) -> Vec<f64> {
     (0..frames).map(|frame| frame as f64 * 0.1).collect()
+}
+
+/// The times of KITTI rows, seconds.
+///
+/// # Errors
+/// [`Error::TimesAndPoses`] where there is not one for each, and as [`read_times`].
+pub fn times_of_rows(path: &Path, survey: &Path, poses: usize) -> Result<Vec<f64>> {
+    let times_s = read_times(path)?;
+    if times_s.len() != poses {
+        return Err(Error::TimesAndPoses {
+            path: path.to_path_buf(),
+            times: times_s.len(),
+            survey: survey.to_path_buf(),
+            poses,
+        });
+    }
+    Ok(times_s)
 }
 
 /// The pose at a time, between two that are not more than `longest_gap_s`

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use common::geometry::Pose;
-use common::kitti::{ScanPoint, write_poses, write_scan};
+use common::kitti::{ScanPoint, write_poses, write_scan, write_times};
 use nalgebra::{Point3, Vector3};
 
 use super::formats::ScanFormat;
@@ -212,8 +212,17 @@ fn open(root: &Path, frame: SurveyFrame) -> Result<Drive> {
 
 fn open_reduced(root: &Path, frame: SurveyFrame, reduced_by_m: Option<Vector3<f64>>) -> Result<Drive> {
     let (path, survey) = (root.join("scans"), root.join("poses.txt"));
-    let input = ScanInput { path: &path, survey: &survey, frame, calibration: None, scan_times: None, reduced_by_m };
-    open_scans(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default())
+    open_input(&ScanInput { frame, reduced_by_m, ..beside(&path, &survey) })
+}
+
+/// With the times of `times.txt`.
+fn open_timed(root: &Path) -> Result<Drive> {
+    let [path, survey, times] = ["scans", "poses.txt", "times.txt"].map(|name| root.join(name));
+    open_input(&ScanInput { scan_times: Some(&times), ..beside(&path, &survey) })
+}
+
+fn open_input(input: &ScanInput) -> Result<Drive> {
+    open_scans(input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default())
 }
 
 const TUM: &str = "# t x y z q\n100.0 0 0 0 0 0 0 1\n100.2 2 0 0 0 0 0 1\n100.4 4 1 0.5 0 0 0 1\n";
@@ -244,6 +253,25 @@ fn scans_get_the_rows_of_their_numbers() {
     assert_eq!((drive.frames.clone(), drive.survey.len()), (vec![1, 3], 5));
     assert_eq!(drive.survey, poses);
     assert!(drive.name().starts_with("scans "));
+}
+
+#[test]
+fn times_beside_rows_are_those_of_the_rows() {
+    let root = drive_folder(&["000001.pcd", "000003.pcd"], "");
+    let poses: Vec<Pose> = (0..5).map(|i| Pose::translation(0.0, 0.0, f64::from(i))).collect();
+    write_poses(root.path().join("poses.txt"), &poses).unwrap();
+    let times_s = [10.0, 10.2, 10.4, 10.6, 10.8];
+    let with = |times_s: &[f64]| {
+        write_times(root.path().join("times.txt"), times_s).unwrap();
+        open_timed(root.path())
+    };
+    assert_eq!(with(&times_s).unwrap().times_s, times_s);
+    let said = with(&times_s[..2]).unwrap_err().to_string();
+    assert!(said.contains("times.txt has 2 times and ") && said.contains("poses.txt has 5 poses"), "{said}");
+    // Poses with times are matched at those of the scans.
+    std::fs::write(root.path().join("poses.txt"), TUM).unwrap();
+    assert_eq!(with(&[100.0, 100.3]).unwrap().times_s, [100.0, 100.3]);
+    assert!(with(&times_s).unwrap_err().to_string().contains("give one time per scan"));
 }
 
 #[test]

@@ -104,3 +104,24 @@ fn a_stitched_cloud_of_a_drive_with_a_stop_is_cut_where_its_places_are() {
         assert!(scan.points.iter().all(|p| p.x.abs() < 2.7), "{frame}: {:?}", scan.points);
     }
 }
+
+#[test]
+fn times_beside_a_trajectory_are_used_or_refused() {
+    let root = tempfile::tempdir().unwrap();
+    let [cloud, survey, times] = ["cloud.las", "poses.txt", "times.txt"].map(|name| root.path().join(name));
+    let points: Vec<ScanPoint> =
+        (0..40).map(|i| ScanPoint { x_m: f32::from(i as i16), y_m: 3.0, z_m: 1.75, reflectance: 9.0 }).collect();
+    write_las(&cloud, &points, Some(&|_| 100.2));
+    let open = |times_s: &[f64]| {
+        write_times(&times, times_s).unwrap();
+        let input = ScanInput { scan_times: Some(&times), ..beside(&cloud, &survey) };
+        open_stitched(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default())
+    };
+    write_poses(&survey, &[0.0, 2.0, 4.0].map(|x_m| Pose::translation(x_m, 0.0, 1.75))).unwrap();
+    let drive = open(&[100.0, 100.2, 100.4]).unwrap();
+    assert!(drive.notes.iter().any(|n| n.contains("cut by time")), "{:?}", drive.notes);
+    let said = |times_s: &[f64]| open(times_s).unwrap_err().to_string();
+    assert!(said(&[100.0, 100.2]).contains("times.txt has 2 times and "));
+    std::fs::write(&survey, TUM).unwrap();
+    assert!(said(&[100.0, 100.2, 100.4]).contains("poses.txt has a time for each pose already"));
+}

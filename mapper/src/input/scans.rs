@@ -157,7 +157,10 @@ fn scan_files(folder: &Path) -> Result<(ScanFormat, Vec<PathBuf>)> {
             found.push((format, path));
         }
     }
-    found.sort_by(|a, b| (number(&a.1), &a.1).partial_cmp(&(number(&b.1), &b.1)).unwrap_or(std::cmp::Ordering::Equal));
+    found.sort_by(|(_, a), (_, b)| {
+        let (first, second) = ((number(a), natural(stem(a)), a), (number(b), natural(stem(b)), b));
+        first.partial_cmp(&second).unwrap_or(std::cmp::Ordering::Equal)
+    });
     let Some((format, first)) = found.first().cloned() else {
         return Err(Error::NoScanFiles { folder: folder.to_path_buf() });
     };
@@ -174,6 +177,20 @@ fn stem(path: &Path) -> &str {
 /// The number that a file is named by.
 fn number(path: &Path) -> Option<f64> {
     stem(path).parse::<f64>().ok().filter(|v| v.is_finite())
+}
+
+/// A name as people sort it, `scan_2` before `scan_10`: what is between its whole
+/// numbers, and these by their length and digits.
+fn natural(name: &str) -> Vec<(&str, usize, &str)> {
+    let (mut parts, mut rest) = (Vec::new(), name);
+    while !rest.is_empty() {
+        let (text, from) = rest.split_at(rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len()));
+        let (digits, behind) = from.split_at(from.find(|c: char| !c.is_ascii_digit()).unwrap_or(from.len()));
+        let value = digits.trim_start_matches('0');
+        parts.push((text, value.len(), value));
+        rest = behind;
+    }
+    parts
 }
 
 /// The time that a file is named by, seconds: a number with a point is one of

@@ -275,6 +275,17 @@ fn times_beside_rows_are_those_of_the_rows() {
 }
 
 #[test]
+fn scans_follow_each_other_as_people_count() {
+    let names: Vec<String> = (1..=12).rev().map(|i| format!("scan_{i}_of_12.pcd")).collect();
+    let rows: Vec<String> = (1..=12).map(|i| format!("{i} {i} 0 0 0 0 0 1\n")).collect();
+    let root = drive_folder(&names.iter().map(String::as_str).collect::<Vec<_>>(), &rows.concat());
+    let drive = open(root.path(), SurveyFrame::Lidar).unwrap();
+    for (frame, name) in names.iter().rev().enumerate() {
+        assert!(drive.scan_path(frame).ends_with(name), "{frame}: {}", drive.scan_path(frame).display());
+    }
+}
+
+#[test]
 fn national_coordinates_are_reduced_by_the_first_pose_or_as_said() {
     let far = TUM.replace(" 0 0 0 0 0 0 1\n100.2 2", " 457123 5428456 0 0 0 0 1\n100.2 457125");
     let root = drive_folder(&["100.0.pcd"], &far);

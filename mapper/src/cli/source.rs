@@ -17,7 +17,7 @@ pub struct SourceArgs {
     #[arg(long, value_name = "ROOT", requires = "sequence")]
     kitti: Option<PathBuf>,
     /// The drive of KITTI odometry, such as 04.
-    #[arg(long, value_name = "NN", requires = "kitti")]
+    #[arg(long, value_name = "NN", requires = "kitti", conflicts_with_all = ["raw", "scans", "stitched"])]
     sequence: Option<String>,
     /// KITTI raw: the folder `DATE_drive_NNNN_sync`; the calibration of the
     /// day lies beside it.

@@ -331,3 +331,15 @@ fn odometry_that_is_none() {
     std::fs::write(&file, "0.04,10,0\n0.02,10,0\n").unwrap();
     localize(root.path(), &words).refused(&["odometry.csv line 2", "sort the lines by time"]);
 }
+
+#[test]
+fn a_sequence_of_what_has_none() {
+    let root = plain();
+    let (folder, poses) = (root.path().join("sequences/04/velodyne"), root.path().join("poses/04.txt"));
+    let map = root.path().join("a.csm");
+    let words = ["build", "--scans", text(&folder), "--survey", text(&poses), "--sequence", "04", "--out", text(&map)];
+    let ran = run("mapper", &words);
+    for part in ["'--sequence <NN>'", "cannot be used with", "'--scans <FOLDER>'"] {
+        assert!(ran.code == 2 && ran.err.contains(part), "{ran:?}");
+    }
+}

@@ -28,7 +28,7 @@ use std::fs::File;
 use std::io::{BufReader, BufWriter, Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 
-use common::atomic_file::{self, folder_of};
+use common::atomic_file::{self, work_folder};
 use common::map::SemanticMap;
 use las::point::{Classification, Format};
 use las::{Builder, Transform, Vector, Vlr, Writer};
@@ -87,7 +87,7 @@ impl CloudFile {
     /// # Errors
     /// [`common::Error::Io`] where the folder of the file takes none.
     pub fn create(path: &Path, config: &Config) -> Result<Self> {
-        let file = tempfile::tempfile_in(folder_of(path)).map_err(common::Error::io(path))?;
+        let file = tempfile::tempfile_in(work_folder(path)).map_err(common::Error::io(path))?;
         let waiting = BufWriter::with_capacity(1 << 16, file);
         Ok(Self { path: path.to_path_buf(), config: config.clone(), waiting, count: CloudCount::default() })
     }
@@ -141,7 +141,7 @@ impl CloudFile {
         waiting.rewind().map_err(io())?;
         let mut waiting = BufReader::with_capacity(1 << 16, waiting);
         let landmarks = LandmarkIndex::new(map, config.lanes.half_line_m);
-        let target = tempfile::tempfile_in(folder_of(&path)).map_err(io())?;
+        let target = tempfile::tempfile_in(work_folder(&path)).map_err(io())?;
         let mut whole = target.try_clone().map_err(io())?;
         let mut writer = writer(BufWriter::new(target)).map_err(|e| fault(&path, &e))?;
         let mut bytes = [0; WAITING_BYTES];

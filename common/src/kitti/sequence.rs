@@ -173,8 +173,12 @@ pub fn read_poses(path: impl AsRef<Path>) -> Result<Vec<Pose>> {
 /// # Errors
 /// As [`atomic_file::write`].
 pub fn write_poses(path: impl AsRef<Path>, poses: &[Pose]) -> Result<()> {
-    let content: String = poses.iter().map(|pose| text::pose_row(pose) + "\n").collect();
-    atomic_file::write(path, content.as_bytes())
+    atomic_file::write(path, poses_text(poses).as_bytes())
+}
+
+/// Poses as [`write_poses`] writes them.
+pub fn poses_text(poses: &[Pose]) -> String {
+    poses.iter().map(|pose| text::pose_row(pose) + "\n").collect()
 }
 
 /// The names of the folders in `folder`, sorted.

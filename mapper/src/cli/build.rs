@@ -4,7 +4,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use common::atomic_file::{Staged, stage};
 use common::config;
+use common::geometry::Pose;
+use common::kitti::poses_text;
 use common::map::{EncodeOptions, SemanticMap};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -16,9 +19,9 @@ use super::{Outcome, print, print_json};
 use crate::budget::{Counts, Known, reduce};
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::export::CloudFile;
+use crate::export::{CloudCount, CloudFile};
 use crate::inspect::{build_text, count_text, road_length_m};
-use crate::report::{BuildReport, ScanCounts, checksum, settings, write_beside};
+use crate::report::{BuildReport, ScanCounts, checksum, settings, stage_beside};
 use crate::{Built, PoseSource, build};
 
 /// Build a map from the scans and the survey of a drive.
@@ -92,6 +95,31 @@ impl Build {
         Ok(Outcome::Done)
     }
 
+    /// Writes the map and what goes with it. All is on the disk before anything gets its
+    /// name, the map last: no map is without its report.
+    fn write(
+        &self,
+        (out, bytes): (&Path, &[u8]),
+        report: &BuildReport,
+        map_from_camera: &[Pose],
+        cloud: Option<CloudFile>,
+    ) -> Result<Option<CloudCount>> {
+        let mut staged: Vec<Staged> = Vec::new();
+        // Landmarks are numbered as in the file, which has an order of its own.
+        let cloud = cloud.map(|cloud| cloud.finish(&SemanticMap::decode(bytes)?)).transpose()?;
+        let count = cloud.map(|(count, file)| {
+            staged.push(file);
+            count
+        });
+        if let Some(path) = &self.trajectory {
+            staged.push(stage(path, poses_text(map_from_camera).as_bytes())?);
+        }
+        staged.extend(stage_beside(out, report)?);
+        staged.push(stage(out, bytes)?);
+        staged.into_iter().try_for_each(Staged::commit)?;
+        Ok(count)
+    }
+
     fn build(&self, out: &Path, config: &Config) -> Result<()> {
         let started = Instant::now();
         for path in [Some(out), self.trajectory.as_deref(), self.cloud.as_deref()].into_iter().flatten() {
@@ -130,8 +158,6 @@ impl Build {
             Some(reduced) => (reduced.map, reduced.bytes, reduced.evidence),
             None => (map, found, evidence),
         };
-        common::atomic_file::write(out, &bytes)?;
-        let usage = Usage::of(started, &drive);
         let report = BuildReport {
             map_bytes: bytes.len(),
             map_crc32c: checksum(&bytes),
@@ -142,13 +168,9 @@ impl Build {
             evidence,
             config: settings(out, config)?,
         };
-        write_beside(out, &report)?;
-        if let Some(path) = &self.trajectory {
-            common::kitti::write_poses(path, &registration.map_from_camera)?;
-        }
+        let cloud = self.write((out, &bytes), &report, &registration.map_from_camera, cloud)?;
+        let usage = Usage::of(started, &drive);
         let road_m = road_length_m(&map);
-        // Landmarks are numbered as in the file, which has an order of its own.
-        let cloud = cloud.map(|cloud| cloud.finish(&SemanticMap::decode(&bytes)?)).transpose()?;
         if self.json {
             return print_json(&Summary {
                 map: out,

@@ -3,13 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use common::atomic_file;
 use serde::Serialize;
 
 use super::{Outcome, print, print_json};
 use crate::budget::{Accuracy, Counts, Detail, Stored, reduce};
 use crate::error::Result;
-use crate::report::{BuildReport, checksum, write_beside};
+use crate::report::{BuildReport, checksum, write_with_map};
 
 /// Write a map within a budget of bytes: of its landmarks those that localize
 /// best.
@@ -49,16 +48,13 @@ impl Reduce {
     pub fn run(&self) -> Result<Outcome> {
         let stored = Stored::read(&self.map, self.config.as_deref())?;
         let reduced = reduce(stored.known(), self.budget, &stored.config)?;
-        atomic_file::write(&self.out, &reduced.bytes)?;
-        if let Some(report) = stored.report {
-            let report = BuildReport {
-                map_bytes: reduced.bytes.len(),
-                map_crc32c: checksum(&reduced.bytes),
-                evidence: reduced.evidence,
-                ..report
-            };
-            write_beside(&self.out, &report)?;
-        }
+        let report = stored.report.map(|report| BuildReport {
+            map_bytes: reduced.bytes.len(),
+            map_crc32c: checksum(&reduced.bytes),
+            evidence: reduced.evidence,
+            ..report
+        });
+        write_with_map(&self.out, &reduced.bytes, report.as_ref())?;
         let (kept, of) = (Counts::of(&reduced.map), Counts::of(&stored.map));
         let (bytes, detail, predicted) = (reduced.bytes.len(), reduced.detail, reduced.predicted);
         if self.json {

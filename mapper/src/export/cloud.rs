@@ -28,7 +28,7 @@ use std::fs::File;
 use std::io::{BufReader, BufWriter, Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 
-use common::atomic_file::{self, work_folder};
+use common::atomic_file::{Staged, stage_with, work_folder};
 use common::map::SemanticMap;
 use las::point::{Classification, Format};
 use las::{Builder, Transform, Vector, Vlr, Writer};
@@ -133,8 +133,8 @@ impl CloudFile {
     ///
     /// # Errors
     /// [`Error::Cloud`] with what the writer says, and as
-    /// [`common::atomic_file::write`].
-    pub fn finish(self, map: &SemanticMap) -> Result<CloudCount> {
+    /// [`common::atomic_file::stage_with`].
+    pub fn finish(self, map: &SemanticMap) -> Result<(CloudCount, Staged)> {
         let Self { path, config, waiting, count } = self;
         let io = || common::Error::io(&path);
         let mut waiting = waiting.into_inner().map_err(|e| io()(e.into_error()))?;
@@ -153,11 +153,11 @@ impl CloudFile {
         writer.close().map_err(|e| fault(&path, &e))?;
         drop(writer);
         whole.rewind().map_err(io())?;
-        atomic_file::write_with(&path, |out| {
-            std::io::copy(&mut whole, &mut &mut *out).map_err(io())?;
+        let staged = stage_with(&path, |out| {
+            std::io::copy(&mut whole, out).map_err(io())?;
             Ok::<(), Error>(())
         })?;
-        Ok(count)
+        Ok((count, staged))
     }
 }
 
@@ -261,7 +261,9 @@ mod tests {
         let classes = [2, 64, 64, 64, 64];
         file.write(&buffer(&far, &[7; 5], &classes, &[5; 5], &[0.5; 5])).unwrap();
         file.write(&buffer(&[], &[], &[], &[], &[])).unwrap();
-        (file.finish(&map()).unwrap(), std::fs::read(path).unwrap())
+        let (count, staged) = file.finish(&map()).unwrap();
+        staged.commit().unwrap();
+        (count, std::fs::read(path).unwrap())
     }
 
     #[test]

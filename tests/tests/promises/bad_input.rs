@@ -333,6 +333,13 @@ fn odometry_that_is_none() {
 }
 
 #[test]
+fn a_report_that_cannot_be_written_leaves_no_map() {
+    let root = plain();
+    std::fs::create_dir(root.path().join("04.build.json")).unwrap();
+    build_of(root.path(), &[]).refused(&["04.build.json"]);
+}
+
+#[test]
 fn a_sequence_of_what_has_none() {
     let root = plain();
     let (folder, poses) = (root.path().join("sequences/04/velodyne"), root.path().join("poses/04.txt"));

@@ -11,6 +11,7 @@ use common::map::decode_with_layout;
 pub use inspection::AtlasInspection;
 
 use crate::error::{Error, Result};
+use crate::outputs;
 
 /// A map that goes into an atlas, with what tells it from others.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -41,6 +42,7 @@ pub fn make(
     mut progress: impl FnMut(usize, usize),
 ) -> Result<AtlasSummary> {
     let sources = sources(inputs)?;
+    outputs::check(&[("--out", out)], sources.iter().map(|source| &*source.path))?;
     let mut builder = AtlasBuilder::new(out, options);
     for (done, source) in sources.iter().enumerate() {
         progress(done, sources.len());

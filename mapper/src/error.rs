@@ -198,6 +198,24 @@ pub enum Error {
         /// The other.
         second: PathBuf,
     },
+    /// Outputs that are one file.
+    #[error("{}: {first} and {second} would be one file; give each a name of its own", path.display())]
+    SameOutput {
+        /// The file.
+        path: PathBuf,
+        /// What would be written to it.
+        first: String,
+        /// What would be written to it, too.
+        second: String,
+    },
+    /// An output that is read.
+    #[error("{}: it is read, and {option} would replace it; give another name", path.display())]
+    OutputIsInput {
+        /// The file.
+        path: PathBuf,
+        /// What would be written to it.
+        option: String,
+    },
     /// The LAS writer.
     #[error("{}: the point cloud could not be written: {reason}", path.display())]
     Cloud {

@@ -18,10 +18,12 @@ use super::usage::Usage;
 use super::{Outcome, print, print_json};
 use crate::budget::{Counts, Known, reduce};
 use crate::config::Config;
+use crate::drive::Drive;
 use crate::error::{Error, Result};
 use crate::export::{CloudCount, CloudFile};
 use crate::inspect::{build_text, count_text, road_length_m};
-use crate::report::{BuildReport, ScanCounts, checksum, settings, stage_beside};
+use crate::outputs::{self, Output};
+use crate::report::{BuildReport, ScanCounts, checksum, path_beside, settings, stage_beside};
 use crate::{Built, PoseSource, build};
 
 /// Build a map from the scans and the survey of a drive.
@@ -95,6 +97,21 @@ impl Build {
         Ok(Outcome::Done)
     }
 
+    /// Opens the drive, once it is known that nothing of it will be written over.
+    fn open(&self, out: &Path, config: &Config) -> Result<Drive> {
+        let report = path_beside(out);
+        let more = [("--trajectory", self.trajectory.as_deref()), ("--cloud", self.cloud.as_deref())];
+        let more = more.into_iter().filter_map(|(option, path)| Some((option, path?)));
+        let outputs: Vec<Output> =
+            [("--out", out), ("the report beside the map", &report)].into_iter().chain(more).collect();
+        let files = self.source.files();
+        outputs::check(&outputs, files.iter().map(PathBuf::as_path).chain(self.config.as_deref()))?;
+        let drive = self.source.open(config)?;
+        let scans: Vec<PathBuf> = (0..drive.survey.len()).map(|frame| drive.scan_path(frame)).collect();
+        outputs::check(&outputs, scans.iter().map(PathBuf::as_path))?;
+        Ok(drive)
+    }
+
     /// Writes the map and what goes with it. All is on the disk before anything gets its
     /// name, the map last: no map is without its report.
     fn write(
@@ -122,10 +139,7 @@ impl Build {
 
     fn build(&self, out: &Path, config: &Config) -> Result<()> {
         let started = Instant::now();
-        for path in [Some(out), self.trajectory.as_deref(), self.cloud.as_deref()].into_iter().flatten() {
-            can_be_written(path)?;
-        }
-        let drive = self.source.open(config)?;
+        let drive = self.open(out, config)?;
         // What is no scan cannot be registered against another.
         let poses = if drive.has_single_scans() { self.poses } else { PoseSource::Given };
 
@@ -195,16 +209,6 @@ impl Build {
             print(&format!("{}: {} points, {} left out\n", path.display(), count.written, count.left_out));
         }
         Ok(())
-    }
-}
-
-/// Says so before the work, not after it, where a file has no folder.
-fn can_be_written(path: &Path) -> Result<()> {
-    match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
-            Err(common::Error::MissingFolder { path: path.to_path_buf(), folder: folder.to_path_buf() }.into())
-        }
-        _ => Ok(()),
     }
 }
 

@@ -8,7 +8,8 @@ use serde::Serialize;
 use super::{Outcome, print, print_json};
 use crate::budget::{Accuracy, Counts, Detail, Stored, reduce};
 use crate::error::Result;
-use crate::report::{BuildReport, checksum, write_with_map};
+use crate::outputs;
+use crate::report::{BuildReport, checksum, path_beside, write_with_map};
 
 /// Write a map within a budget of bytes: of its landmarks those that localize
 /// best.
@@ -46,6 +47,9 @@ struct Summary<'a> {
 impl Reduce {
     /// Runs the command.
     pub fn run(&self) -> Result<Outcome> {
+        let [of_map, of_out] = [&self.map, &self.out].map(|map| path_beside(map));
+        let outputs = [("--out", &*self.out), ("the report beside the map", &*of_out)];
+        outputs::check(&outputs, [&*self.map, &*of_map].into_iter().chain(self.config.as_deref()))?;
         let stored = Stored::read(&self.map, self.config.as_deref())?;
         let reduced = reduce(stored.known(), self.budget, &stored.config)?;
         let report = stored.report.map(|report| BuildReport {

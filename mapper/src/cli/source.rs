@@ -82,6 +82,17 @@ impl SourceArgs {
         Ok(drive)
     }
 
+    /// The files that the options name. The scans are not among them.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let named = [&self.survey, &self.calib, &self.scan_times, &self.stitched].into_iter().flatten().cloned();
+        let drive = self.kitti.iter().zip(&self.sequence).flat_map(|(root, name)| {
+            let folder = root.join("sequences").join(name);
+            let poses = root.join("poses").join(format!("{name}.txt"));
+            [folder.join("calib.txt"), folder.join("times.txt"), poses]
+        });
+        named.chain(drive).collect()
+    }
+
     fn opened(&self, config: &Config) -> Result<Drive> {
         let every = self.every as usize;
         let choice = Choice { every, first: self.first, last: self.last.unwrap_or(usize::MAX) };

@@ -333,6 +333,30 @@ fn odometry_that_is_none() {
 }
 
 #[test]
+fn an_output_that_is_an_input_or_another_output() {
+    let root = plain();
+    let (map, poses) = (root.path().join("04.csm"), root.path().join("poses/04.txt"));
+    let scan = root.path().join("sequences/04/velodyne/000001.bin");
+    let before = [&poses, &scan].map(|file| std::fs::read(file).unwrap());
+    let around = root.path().join("poses/../04.csm");
+    let report = root.path().join("04.build.json");
+    for (option, path, said) in [
+        ("--trajectory", &map, "04.csm: --out and --trajectory would be one file"),
+        ("--cloud", &around, "04.csm: --out and --cloud would be one file"),
+        ("--trajectory", &report, "the report beside the map and --trajectory would be one file"),
+        ("--trajectory", &poses, "04.txt: it is read, and --trajectory would replace it"),
+        ("--cloud", &scan, "000001.bin: it is read, and --cloud would replace it"),
+    ] {
+        build_of(root.path(), &[option, text(path)]).refused(&[said, "name"]);
+    }
+    assert_eq!([&poses, &scan].map(|file| std::fs::read(file).unwrap()), before);
+    build_of(root.path(), &[]).ok();
+    for words in [&["draw"][..], &["export", "--format", "csv"], &["reduce", "--budget", "500"]] {
+        run("mapper", &[words, &[text(&map), "--out", text(&around)]].concat()).refused(&["04.csm: it is read"]);
+    }
+}
+
+#[test]
 fn a_report_that_cannot_be_written_leaves_no_map() {
     let root = plain();
     std::fs::create_dir(root.path().join("04.build.json")).unwrap();

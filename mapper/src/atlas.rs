@@ -5,6 +5,7 @@ mod inspection;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use common::atomic_file::is_other;
 use common::map::atlas::{AtlasBuilder, AtlasOptions, AtlasSummary};
 use common::map::decode_with_layout;
 
@@ -88,6 +89,9 @@ fn sources(inputs: &[PathBuf]) -> Result<Vec<Source>> {
 }
 
 fn source(path: PathBuf) -> Result<Source> {
+    if is_other(&path) {
+        return Err(common::Error::NoFile { path }.into());
+    }
     let end = |path: &Path| {
         let mut file = std::fs::File::open(path)?;
         let length = file.metadata()?.len();

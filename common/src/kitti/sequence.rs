@@ -165,7 +165,12 @@ pub fn write_times(path: impl AsRef<Path>, times_s: &[f64]) -> Result<()> {
 /// [`Error::Mirrors`] at their line, [`Error::Io`] where the file cannot be read.
 pub fn read_poses(path: impl AsRef<Path>) -> Result<Vec<Pose>> {
     let path = path.as_ref();
-    text::rows(&text::read(path)?).map(|(line, row)| text::pose(path, line, row)).collect()
+    poses_of(path, &text::read(path)?)
+}
+
+/// The KITTI poses of a file that was read.
+pub(crate) fn poses_of(path: &Path, content: &str) -> Result<Vec<Pose>> {
+    text::rows(content).map(|(line, row)| text::pose(path, line, row)).collect()
 }
 
 /// Writes KITTI poses: a 3x4 matrix per row, `map_from_camera`.

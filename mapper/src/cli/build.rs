@@ -143,7 +143,7 @@ impl Build {
         // What is no scan cannot be registered against another.
         let poses = if drive.has_single_scans() { self.poses } else { PoseSource::Given };
 
-        let mut scans = ScanCounts::default();
+        let (mut scans, mut blind) = (ScanCounts::default(), Vec::new());
         let mut cloud = self.cloud.as_deref().map(|path| CloudFile::create(path, config)).transpose()?;
         let bar = progress();
         let Built { map, registration, evidence } = build(&drive, poses, config, |window| {
@@ -151,6 +151,7 @@ impl Build {
             for scan in &window.cloud.scans {
                 if scans.scans == 0 || scan.frame > scans.last_frame {
                     scans.add(scan);
+                    blind.extend((scan.points == 0).then_some(scan.frame));
                 }
             }
             if let Some(cloud) = &mut cloud {
@@ -183,6 +184,8 @@ impl Build {
             config: settings(out, config)?,
         };
         let cloud = self.write((out, &bytes), &report, &registration.map_from_camera, cloud)?;
+        let mut notes = drive.notes.clone();
+        notes.extend(blind_note(&blind).filter(|_| drive.has_single_scans()));
         let usage = Usage::of(started, &drive);
         let road_m = road_length_m(&map);
         if self.json {
@@ -197,7 +200,7 @@ impl Build {
             });
         }
         print(&format!("{}: {} bytes for {road_m:.0} m of road: {}\n", out.display(), bytes.len(), count_text(&map)));
-        for note in &drive.notes {
+        for note in &notes {
             print(&format!("{note}\n"));
         }
         if self.budget.is_some() {
@@ -210,6 +213,14 @@ impl Build {
         }
         Ok(())
     }
+}
+
+/// What to say of scans without a point that can be used: a file that is empty would have
+/// been refused.
+fn blind_note(frames: &[usize]) -> Option<String> {
+    let first = frames.first()?;
+    let more = if frames.len() > 1 { format!(" and {} more", frames.len() - 1) } else { String::new() };
+    Some(format!("the scan of frame {first}{more} has no point with finite coordinates within reach"))
 }
 
 /// A progress bar; hidden by itself where the error stream is no terminal. It

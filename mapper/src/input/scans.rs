@@ -112,6 +112,7 @@ pub fn open_scans(
     let poses = Poses::read(input.survey)?;
     let placement = Placement::new(input.frame, input.calibration, poses.first(), input.reduced_by_m)?;
     let Matched { files, poses, times_s, without } = matched(input, files, &poses, config)?;
+    let gap = gap_note(&files, &times_s, config.longest_gap_s);
     let survey = Survey {
         path: input.survey.to_path_buf(),
         map_from_camera: poses.iter().map(|pose| placement.map_from_camera(pose)).collect(),
@@ -142,11 +143,31 @@ pub fn open_scans(
     if without > 0 {
         notes.push(format!("{without} scans have no pose within {} s and are left out", config.longest_gap_s));
     }
+    notes.extend(gap);
     let mut drive = Drive::new(Source::Scans(folder.into()), &frames, survey, choice, max_range_m)?;
-    // Numbered by their order, they have no gaps but scans without a pose.
+    // Numbered by their order, they have no gaps but in time.
+    notes.append(&mut drive.notes);
     drive.notes = notes;
     Ok(drive)
 }
+
+/// What to say of poses without a scan, where scans have the numbers of poses, and else
+/// of the longest time without one: a copy may have left some out.
+fn gap_note(frames: &BTreeMap<usize, PathBuf>, times_s: &[f64], longest_gap_s: f64) -> Option<String> {
+    let missing = times_s.len() - frames.len().min(times_s.len());
+    if missing > 0 {
+        return Some(format!("{missing} of {} poses have no scan", times_s.len()));
+    }
+    let mut steps: Vec<(f64, f64)> = times_s.windows(2).map(|pair| (pair[1] - pair[0], pair[0])).collect();
+    steps.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (usual_s, (most_s, from_s)) = (steps.get(steps.len() / 2)?.0, *steps.last()?);
+    (most_s > longest_gap_s && most_s > GAP_STEPS * usual_s)
+        .then(|| format!("no scan for {most_s:.1} s after {from_s:.3} s, and one every {usual_s:.1} s otherwise"))
+}
+
+/// A step from one scan to the next that is so many times as long as the usual one lacks
+/// some.
+const GAP_STEPS: f64 = 2.5;
 
 /// The scans of a folder in the order of their names, numbers as numbers.
 fn scan_files(folder: &Path) -> Result<(ScanFormat, Vec<PathBuf>)> {

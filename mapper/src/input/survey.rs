@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use common::geometry::{Pose, interpolate};
-use common::kitti::{Calibration, read_poses, read_times};
-use common::trajectory::{StampedRow, is_tum, read_tum_rows};
+use common::kitti::{Calibration, read_times};
+use common::trajectory::{PoseFile, StampedRow, read_pose_file};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::error::{Error, Result};
@@ -109,9 +109,12 @@ impl Poses {
     /// Reads TUM lines or KITTI rows.
     ///
     /// # Errors
-    /// As [`is_tum`], [`read_tum_rows`] and [`read_poses`].
+    /// As [`read_pose_file`].
     pub fn read(path: &Path) -> Result<Self> {
-        Ok(if is_tum(path)? { Self::Stamped(read_tum_rows(path)?) } else { Self::Rows(read_poses(path)?) })
+        Ok(match read_pose_file(path)? {
+            PoseFile::Stamped(rows) => Self::Stamped(rows),
+            PoseFile::Rows(poses) => Self::Rows(poses),
+        })
     }
 
     /// Its first pose.

@@ -253,6 +253,41 @@ fn scans_get_the_rows_of_their_numbers() {
     assert_eq!((drive.frames.clone(), drive.survey.len()), (vec![1, 3], 5));
     assert_eq!(drive.survey, poses);
     assert!(drive.name().starts_with("scans "));
+    let has_note = |note: &str| drive.notes.iter().any(|n| n.contains(note));
+    assert!(has_note("3 of 5 poses have no scan") && has_note("no scan of frames 2,"), "{:?}", drive.notes);
+}
+
+#[test]
+fn a_time_without_scans_is_told() {
+    let rows: Vec<String> = (0..100).map(|i| format!("{}.{} {i} 0 0 0 0 0 1\n", 100 + i / 10, i % 10)).collect();
+    let rows = rows.concat();
+    let notes = |names: &[&str]| open(drive_folder(names, &rows).path(), SurveyFrame::Lidar).unwrap().notes;
+    let whole = ["100.0.pcd", "100.5.pcd", "101.0.pcd", "101.5.pcd", "102.0.pcd", "102.5.pcd"];
+    assert!(notes(&whole).iter().all(|n| !n.contains("no scan for")));
+    let lacking = [&whole[..2], &whole[5..], &["103.0.pcd"]].concat();
+    assert!(
+        notes(&lacking).iter().any(|n| n.starts_with("no scan for 2.0 s after 100.500 s")),
+        "{:?}",
+        notes(&lacking)
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn a_survey_may_come_through_a_pipe_and_a_cloud_may_not() {
+    use std::io::Write;
+    use std::os::fd::AsRawFd;
+    let root = drive_folder(&["100.1.pcd"], "");
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    writer.write_all(TUM.as_bytes()).unwrap();
+    drop(writer);
+    let pipe = PathBuf::from(format!("/dev/fd/{}", reader.as_raw_fd()));
+    assert_eq!(open_input(&beside(&root.path().join("scans"), &pipe)).unwrap().times_s, [100.1]);
+    let survey = root.path().join("poses.txt");
+    std::fs::write(&survey, TUM).unwrap();
+    let cloud = open_stitched(&beside(&pipe, &survey), ALL, 120.0, &InputConfig::default(), &LidarConfig::default());
+    let said = cloud.unwrap_err().to_string();
+    assert!(said.contains("is no file, and it is read more than once"), "{said}");
 }
 
 #[test]

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{BufReader, Seek};
 use std::path::Path;
 
+use common::atomic_file::is_other;
 use common::kitti::ScanPoint;
 use las::Reader;
 
@@ -17,9 +18,12 @@ const BYTES_AT_A_TIME: u64 = 8 << 20;
 /// Opens a LAS or LAZ file.
 ///
 /// # Errors
-/// [`common::Error::Io`] where it cannot be opened, [`Error::BadScan`] where
-/// it is none.
+/// [`common::Error::Io`] where it cannot be opened, [`common::Error::NoFile`] where it
+/// could not be read again, [`Error::BadScan`] where it is none.
 pub fn reader(path: &Path) -> Result<Reader> {
+    if is_other(path) {
+        return Err(common::Error::NoFile { path: path.to_path_buf() }.into());
+    }
     // The reader's own message about a missing file does not name it.
     let mut file = File::open(path).map_err(common::Error::io(path))?;
     if let Some(fault) = las_check::fault(&mut file) {

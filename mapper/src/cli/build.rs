@@ -42,8 +42,8 @@ pub struct Build {
     /// frame of the drive.
     #[arg(long, value_name = "POSES.txt")]
     trajectory: Option<PathBuf>,
-    /// Write the stitched cloud with a class per point (LAZ: x right, y
-    /// forward, z up).
+    /// Write the stitched cloud with a class per point (LAZ, or LAS where it is
+    /// named .las: x right, y forward, z up).
     #[arg(long, value_name = "CLOUD.laz")]
     cloud: Option<PathBuf>,
     /// Settings that differ from the defaults, as TOML.

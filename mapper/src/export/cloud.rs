@@ -1,4 +1,4 @@
-//! The stitched cloud as LAZ, with a class and a landmark per point.
+//! The stitched cloud as LAZ or LAS, with a class and a landmark per point.
 //!
 //! Columns are held in a pasture buffer, one window of the drive at a time, and
 //! wait on the disk until the map is whole; then they go out through `las`.
@@ -143,7 +143,7 @@ impl CloudFile {
         let landmarks = LandmarkIndex::new(map, config.lanes.half_line_m);
         let target = tempfile::tempfile_in(work_folder(&path)).map_err(io())?;
         let mut whole = target.try_clone().map_err(io())?;
-        let mut writer = writer(BufWriter::new(target)).map_err(|e| fault(&path, &e))?;
+        let mut writer = writer(BufWriter::new(target), is_plain(&path)).map_err(|e| fault(&path, &e))?;
         let mut bytes = [0; WAITING_BYTES];
         for _ in 0..count.written {
             waiting.read_exact(&mut bytes).map_err(io())?;
@@ -208,7 +208,12 @@ impl Waiting {
     }
 }
 
-fn writer(target: BufWriter<File>) -> las::Result<Writer<BufWriter<File>>> {
+/// Whether a file is named as one that is not compressed.
+fn is_plain(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("las"))
+}
+
+fn writer(target: BufWriter<File>, is_plain: bool) -> las::Result<Writer<BufWriter<File>>> {
     let axis = Transform { scale: STEP_M, offset: 0.0 };
     let mut builder = Builder::from((1, 4));
     // No date: the same cloud is the same bytes tomorrow.
@@ -217,7 +222,7 @@ fn writer(target: BufWriter<File>) -> las::Result<Writer<BufWriter<File>>> {
     builder.transforms = Vector { x: axis, y: axis, z: axis };
     builder.vlrs.push(landmark_dimension());
     let mut format = Format::new(6)?;
-    format.is_compressed = true;
+    format.is_compressed = !is_plain;
     format.extra_bytes = 4;
     builder.point_format = format;
     Writer::new(target, builder.into_header()?)
@@ -299,6 +304,19 @@ mod tests {
     fn the_same_cloud_is_the_same_bytes() {
         let folder = tempfile::tempdir().unwrap();
         assert_eq!(written(folder.path(), "a.laz").1, written(folder.path(), "b.laz").1);
+    }
+
+    #[test]
+    fn a_file_is_compressed_unless_it_is_named_as_one_that_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let [plain, packed] = ["a.LAS", "a.laz"].map(|name| {
+            written(folder.path(), name);
+            let mut reader = las::Reader::from_path(folder.path().join(name)).unwrap();
+            let is_compressed = reader.header().point_format().is_compressed;
+            (is_compressed, reader.read_all().unwrap().points().map(|p| p.unwrap()).collect::<Vec<_>>())
+        });
+        assert_eq!((plain.0, packed.0), (false, true));
+        assert!(!plain.1.is_empty() && plain.1 == packed.1);
     }
 
     #[test]

@@ -75,6 +75,8 @@ struct Summary<'a> {
     signs: usize,
     lanes: usize,
     road_m: f64,
+    /// What the reader of the input, and who looks at the scans, wants people to know.
+    notes: &'a [String],
     usage: Usage,
     report: &'a BuildReport,
 }
@@ -195,6 +197,7 @@ impl Build {
                 signs: map.signs.len(),
                 lanes: map.lanes.len(),
                 road_m,
+                notes: &notes,
                 usage,
                 report: &report,
             });

@@ -2,10 +2,16 @@
 //!
 //! The bytes go to a temporary file in the same folder, to the disk, and then
 //! under the name: whoever opens the name sees the old content or the new one.
+//!
+//! Only a file is replaced. A symbolic link stays, and what it leads to is
+//! written; what is no file (`/dev/null`, `/dev/stdout`, a named pipe) is given the
+//! bytes when all are there.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::fs::{File, OpenOptions};
+use std::io::{BufWriter, ErrorKind, Seek, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
 
 use crate::{Error, Result};
 
@@ -41,11 +47,51 @@ pub fn write_seek_with<E: From<Error>>(
     path: impl AsRef<Path>,
     content: impl FnOnce(&mut BufWriter<&mut File>) -> std::result::Result<(), E>,
 ) -> std::result::Result<(), E> {
+    stage_with(path, content)?.commit()?;
+    Ok(())
+}
+
+/// A file that is written and does not have its name yet. Where several belong
+/// together, all are written before the first gets its name.
+#[derive(Debug)]
+#[must_use = "a staged file gets its name with `commit` only"]
+pub struct Staged {
+    path: PathBuf,
+    file: NamedTempFile,
+    target: Target,
+}
+
+/// Where bytes go.
+#[derive(Debug)]
+enum Target {
+    /// To a file, or a name that is free.
+    File(PathBuf),
+    /// To what is no file, or links that lead nowhere.
+    Other,
+}
+
+/// Writes the file that will be `path`.
+///
+/// # Errors
+/// As [`write()`].
+pub fn stage(path: impl AsRef<Path>, bytes: &[u8]) -> Result<Staged> {
     let path = path.as_ref();
-    let folder = folder_of(path);
+    stage_with(path, |out| out.write_all(bytes).map_err(Error::io(path)))
+}
+
+/// Writes the file that will be `path` as `content` does.
+///
+/// # Errors
+/// As [`write_with`].
+pub fn stage_with<E: From<Error>>(
+    path: impl AsRef<Path>,
+    content: impl FnOnce(&mut BufWriter<&mut File>) -> std::result::Result<(), E>,
+) -> std::result::Result<Staged, E> {
+    let path = path.as_ref();
+    let target = target(path);
+    let folder = work_folder(path);
     if !folder.is_dir() {
-        let (path, folder) = (path.to_path_buf(), folder.to_path_buf());
-        return Err(Error::MissingFolder { path, folder }.into());
+        return Err(Error::MissingFolder { path: path.to_path_buf(), folder }.into());
     }
     let mut file = tempfile::Builder::new()
         .prefix(".waymark-")
@@ -57,8 +103,75 @@ pub fn write_seek_with<E: From<Error>>(
     buffered.flush().map_err(Error::io(path))?;
     drop(buffered);
     file.as_file().sync_all().map_err(Error::io(path))?;
-    file.persist(path).map_err(|failed| Error::io(path)(failed.error))?;
+    Ok(Staged { path: path.to_path_buf(), file, target })
+}
+
+impl Staged {
+    /// Gives the file its name, replacing what is there.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the operating system refuses.
+    pub fn commit(self) -> Result<()> {
+        let Self { path, mut file, target } = self;
+        match target {
+            Target::File(target) => {
+                file.persist(target).map_err(|failed| Error::io(&path)(failed.error))?;
+            }
+            Target::Other => {
+                let file = file.as_file_mut();
+                file.rewind().and_then(|()| pass_on(file, &path)).map_err(Error::io(&path))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Writes a file to what is no file.
+fn pass_on(file: &mut File, path: &Path) -> std::io::Result<()> {
+    if is_output(path) {
+        let mut output = std::io::stdout();
+        let written = std::io::copy(file, &mut output).and_then(|_| output.flush());
+        // As with `output::print`, a reader may be gone.
+        return written.or_else(|error| if error.kind() == ErrorKind::BrokenPipe { Ok(()) } else { Err(error) });
+    }
+    std::io::copy(file, &mut OpenOptions::new().write(true).open(path)?)?;
     Ok(())
+}
+
+/// Whether a name is that of the standard output. Opened by it, one that is a file
+/// would begin anew.
+fn is_output(path: &Path) -> bool {
+    ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|name| path == Path::new(name))
+}
+
+/// Links that are followed to a name that is free: as many as Linux follows.
+const MOST_LINKS: usize = 40;
+
+fn target(path: &Path) -> Target {
+    if is_other(path) {
+        return Target::Other;
+    }
+    let mut target = path.to_path_buf();
+    for _ in 0..MOST_LINKS {
+        let Ok(next) = std::fs::read_link(&target) else { return Target::File(target) };
+        target = folder_of(&target).join(next);
+    }
+    Target::Other
+}
+
+/// Whether what a name leads to is neither a file nor a folder; nor is the standard
+/// output, wherever it goes.
+pub fn is_other(path: &Path) -> bool {
+    is_output(path) || std::fs::metadata(path).is_ok_and(|of| !of.is_file() && !of.is_dir())
+}
+
+/// The folder for temporary files on the way to a file: its own, or that of the system
+/// where it is no file.
+pub fn work_folder(path: &Path) -> PathBuf {
+    match target(path) {
+        Target::File(target) => folder_of(&target).to_path_buf(),
+        Target::Other => std::env::temp_dir(),
+    }
 }
 
 /// The folder that a file is, or would be, in.
@@ -114,6 +227,55 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let failed = write(folder.path().join("not_there").join("x"), b"").unwrap_err();
         assert!(failed.to_string().contains("not_there does not exist; create it"), "{failed}");
+    }
+
+    #[test]
+    fn a_staged_file_gets_its_name_in_the_end_or_never() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map.csm");
+        drop(stage(&path, b"never").unwrap());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        let staged = stage(&path, b"new").unwrap();
+        assert!(!path.exists());
+        staged.commit().unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"new");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_stay_and_lead_to_what_is_written() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let [link, far, file] = ["link.csm", "far.csm", "maps/a.csm"].map(|name| folder.path().join(name));
+        std::fs::create_dir(folder.path().join("maps")).unwrap();
+        symlink("link.csm", &far).unwrap();
+        symlink("maps/a.csm", &link).unwrap();
+        for content in [b"first", b"later"] {
+            write(&far, content).unwrap();
+            assert!(link.is_symlink() && far.is_symlink());
+            assert_eq!(std::fs::read(&file).unwrap(), content);
+        }
+        assert_eq!(std::fs::read_dir(folder.path().join("maps")).unwrap().count(), 1);
+        let round = folder.path().join("round");
+        symlink("round", &round).unwrap();
+        assert!(write(&round, b"").unwrap_err().to_string().contains("round: "));
+        assert!(round.is_symlink());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn what_is_no_file_is_given_the_bytes_and_stays() {
+        use std::io::Read;
+        use std::os::fd::AsRawFd;
+        write("/dev/null", b"nothing").unwrap();
+        assert!(is_other(Path::new("/dev/null")));
+        assert!(write("/dev/full", b"too much").unwrap_err().to_string().contains("/dev/full: No space left"));
+        let (mut reader, writer) = std::io::pipe().unwrap();
+        write(format!("/proc/self/fd/{}", writer.as_raw_fd()), b"through").unwrap();
+        drop(writer);
+        let mut read = Vec::new();
+        reader.read_to_end(&mut read).unwrap();
+        assert_eq!(read, b"through");
     }
 
     #[cfg(unix)]

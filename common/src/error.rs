@@ -27,6 +27,12 @@ pub enum Error {
         /// The folder that is missing.
         folder: PathBuf,
     },
+    /// A pipe or the like where more is done with a file than to read it once.
+    #[error("{} is no file, and it is read more than once; save it as one first", path.display())]
+    NoFile {
+        /// What is there instead.
+        path: PathBuf,
+    },
     /// The file is not text.
     #[error("{} is not text (byte {at} is not UTF-8); check that it is the right file", path.display())]
     NotText {

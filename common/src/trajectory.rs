@@ -10,6 +10,7 @@ use std::path::Path;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 
 use crate::geometry::Pose;
+use crate::kitti::poses_of;
 use crate::{Error, Result, atomic_file, text};
 
 /// How far a TUM line's time may be from its frame's, seconds: a hundredth of
@@ -156,8 +157,12 @@ pub struct StampedRow {
 /// is not of unit length, [`Error::Io`] where the file cannot be read.
 pub fn read_tum_rows(path: impl AsRef<Path>) -> Result<Vec<StampedRow>> {
     let path = path.as_ref();
+    tum_rows_of(path, &text::read(path)?)
+}
+
+fn tum_rows_of(path: &Path, content: &str) -> Result<Vec<StampedRow>> {
     let mut rows: Vec<StampedRow> = Vec::new();
-    for (line, row) in text::rows(&text::read(path)?) {
+    for (line, row) in text::rows(content) {
         let [time_s, x, y, z, i, j, k, w] = text::numbers(path, line, row)?;
         if rows.last().is_some_and(|before| before.time_s >= time_s) {
             return Err(Error::TimeOrder { path: path.to_path_buf(), line, time_s });
@@ -174,18 +179,31 @@ pub fn read_tum_rows(path: impl AsRef<Path>) -> Result<Vec<StampedRow>> {
     Ok(rows)
 }
 
-/// Whether a file of poses is one of TUM lines (8 numbers) and not of KITTI
-/// rows (12 numbers): what its first row says.
+/// Poses of either form.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PoseFile {
+    /// TUM lines.
+    Stamped(Vec<StampedRow>),
+    /// KITTI rows, one after the other.
+    Rows(Vec<Pose>),
+}
+
+/// Reads a file of TUM lines (8 numbers) or of KITTI rows (12 numbers), as its first row
+/// says; once, for a pipe gives its content to one reader.
 ///
 /// # Errors
-/// [`Error::NoPoses`] where it holds no row, [`Error::Io`] or
-/// [`Error::NotText`] where it cannot be read.
-pub fn is_tum(path: impl AsRef<Path>) -> Result<bool> {
+/// [`Error::NoPoses`] where it holds no row, and as [`read_tum_rows`] and
+/// [`read_poses`](crate::kitti::read_poses).
+pub fn read_pose_file(path: impl AsRef<Path>) -> Result<PoseFile> {
     let path = path.as_ref();
     let content = text::read(path)?;
     let first = text::rows(&content).next();
     let (_, row) = first.ok_or_else(|| Error::NoPoses { path: path.to_path_buf() })?;
-    Ok(row.split_whitespace().count() == 8)
+    Ok(if row.split_whitespace().count() == 8 {
+        PoseFile::Stamped(tum_rows_of(path, &content)?)
+    } else {
+        PoseFile::Rows(poses_of(path, &content)?)
+    })
 }
 
 /// The frame whose time is nearest, if it is within the tolerance.

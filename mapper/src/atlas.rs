@@ -5,12 +5,14 @@ mod inspection;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use common::atomic_file::is_other;
 use common::map::atlas::{AtlasBuilder, AtlasOptions, AtlasSummary};
 use common::map::decode_with_layout;
 
 pub use inspection::AtlasInspection;
 
 use crate::error::{Error, Result};
+use crate::outputs;
 
 /// A map that goes into an atlas, with what tells it from others.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -41,6 +43,7 @@ pub fn make(
     mut progress: impl FnMut(usize, usize),
 ) -> Result<AtlasSummary> {
     let sources = sources(inputs)?;
+    outputs::check(&[("--out", out)], sources.iter().map(|source| &*source.path))?;
     let mut builder = AtlasBuilder::new(out, options);
     for (done, source) in sources.iter().enumerate() {
         progress(done, sources.len());
@@ -86,6 +89,9 @@ fn sources(inputs: &[PathBuf]) -> Result<Vec<Source>> {
 }
 
 fn source(path: PathBuf) -> Result<Source> {
+    if is_other(&path) {
+        return Err(common::Error::NoFile { path }.into());
+    }
     let end = |path: &Path| {
         let mut file = std::fs::File::open(path)?;
         let length = file.metadata()?.len();

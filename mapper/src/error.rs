@@ -129,6 +129,30 @@ pub enum Error {
         /// Its scans.
         scans: usize,
     },
+    /// As many times as there are not KITTI rows.
+    #[error(
+        "{} has {times} times and {} has {poses} poses without times: give one time per pose, or TUM poses",
+        path.display(),
+        survey.display()
+    )]
+    TimesAndPoses {
+        /// The file of the times.
+        path: PathBuf,
+        /// Its times.
+        times: usize,
+        /// The file of the poses.
+        survey: PathBuf,
+        /// Its poses.
+        poses: usize,
+    },
+    /// Times for poses that have some.
+    #[error("{} has a time for each pose already: leave --scan-times {} out", survey.display(), times.display())]
+    TimesTwice {
+        /// The file of the poses.
+        survey: PathBuf,
+        /// The file of the times.
+        times: PathBuf,
+    },
     /// Poses and scans of other times.
     #[error(
         "{}: its poses are from {:.3} to {:.3} s, and no scan of {} ({:.3} to {:.3} s) has one before and after within {gap_s} s: give the poses of this drive, or its times with --scan-times",
@@ -173,6 +197,24 @@ pub enum Error {
         first: PathBuf,
         /// The other.
         second: PathBuf,
+    },
+    /// Outputs that are one file.
+    #[error("{}: {first} and {second} would be one file; give each a name of its own", path.display())]
+    SameOutput {
+        /// The file.
+        path: PathBuf,
+        /// What would be written to it.
+        first: String,
+        /// What would be written to it, too.
+        second: String,
+    },
+    /// An output that is read.
+    #[error("{}: it is read, and {option} would replace it; give another name", path.display())]
+    OutputIsInput {
+        /// The file.
+        path: PathBuf,
+        /// What would be written to it.
+        option: String,
     },
     /// The LAS writer.
     #[error("{}: the point cloud could not be written: {reason}", path.display())]

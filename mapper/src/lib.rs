@@ -28,6 +28,7 @@ pub mod inspect;
 pub mod lanes;
 pub mod lidar;
 pub mod merge;
+mod outputs;
 pub mod passes;
 pub mod path;
 pub mod poles;

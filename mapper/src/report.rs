@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use common::atomic_file;
+use common::atomic_file::{self, Staged, is_other};
 use serde::{Deserialize, Serialize};
 
 use crate::build::PoseSource;
@@ -97,16 +97,33 @@ pub fn checksum(map_bytes: &[u8]) -> u32 {
     map_bytes.last_chunk().map_or(0, |bytes| u32::from_le_bytes(*bytes))
 }
 
-/// Writes the report beside its map and returns where.
+/// Writes a map and the report beside it. Nothing lies beside what is no file.
 ///
 /// # Errors
-/// As [`atomic_file::write`].
-pub fn write_beside(map: &Path, report: &BuildReport) -> Result<PathBuf> {
+/// As [`atomic_file::write`]; then the map is as it was.
+pub fn write_with_map(map: &Path, map_bytes: &[u8], report: Option<&BuildReport>) -> Result<()> {
+    let staged = report.map(|report| stage_beside(map, report)).transpose()?.flatten();
+    let map = atomic_file::stage(map, map_bytes)?;
+    // The map last: where the run ends between the two, the old map is known not to be
+    // that of the report.
+    if let Some(staged) = staged {
+        staged.commit()?;
+    }
+    Ok(map.commit()?)
+}
+
+/// Writes the report that will lie beside a map; none beside what is no file.
+///
+/// # Errors
+/// As [`atomic_file::stage`].
+pub fn stage_beside(map: &Path, report: &BuildReport) -> Result<Option<Staged>> {
+    if is_other(map) {
+        return Ok(None);
+    }
     let path = path_beside(map);
     let mut text = serde_json::to_string_pretty(report).map_err(Error::report(&path))?;
     text.push('\n');
-    atomic_file::write(&path, text.as_bytes())?;
-    Ok(path)
+    Ok(Some(atomic_file::stage(&path, text.as_bytes())?))
 }
 
 /// The report of a map, if one lies beside it and is about these very bytes.
@@ -152,7 +169,8 @@ mod tests {
         let map = folder.path().join("04.csm");
         assert_eq!(read_beside(&map, b"some map").unwrap(), None);
         let written = report(b"some map");
-        assert_eq!(write_beside(&map, &written).unwrap(), folder.path().join("04.build.json"));
+        write_with_map(&map, b"some map", Some(&written)).unwrap();
+        assert!(folder.path().join("04.build.json").exists());
         assert_eq!(read_beside(&map, b"some map").unwrap(), Some(written));
         assert_eq!(read_beside(&map, b"some mop").unwrap(), None);
         std::fs::write(path_beside(&map), "{}").unwrap();
@@ -165,7 +183,7 @@ mod tests {
         let map = folder.path().join("04.csm");
         let mut written = report(b"some map");
         written.config = serde_json::json!({ "a_setting_of_then": 3.0 });
-        write_beside(&map, &written).unwrap();
+        write_with_map(&map, b"some map", Some(&written)).unwrap();
         let read = read_beside(&map, b"some map").unwrap().unwrap();
         assert_eq!(
             (read.setting("/a_setting_of_then"), read.setting("/refine/graph/survey_sigma_m")),

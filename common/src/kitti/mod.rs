@@ -18,4 +18,5 @@ pub use mercator::Mercator;
 pub use oxts::Packet;
 pub use raw::{RawDrive, RawSurvey};
 pub use scan::{Scan, ScanPoint, read_scan, write_scan};
-pub use sequence::{Sequence, read_poses, read_times, write_poses, write_times};
+pub(crate) use sequence::poses_of;
+pub use sequence::{Sequence, poses_text, read_poses, read_times, write_poses, write_times};

@@ -165,7 +165,12 @@ pub fn write_times(path: impl AsRef<Path>, times_s: &[f64]) -> Result<()> {
 /// [`Error::Mirrors`] at their line, [`Error::Io`] where the file cannot be read.
 pub fn read_poses(path: impl AsRef<Path>) -> Result<Vec<Pose>> {
     let path = path.as_ref();
-    text::rows(&text::read(path)?).map(|(line, row)| text::pose(path, line, row)).collect()
+    poses_of(path, &text::read(path)?)
+}
+
+/// The KITTI poses of a file that was read.
+pub(crate) fn poses_of(path: &Path, content: &str) -> Result<Vec<Pose>> {
+    text::rows(content).map(|(line, row)| text::pose(path, line, row)).collect()
 }
 
 /// Writes KITTI poses: a 3x4 matrix per row, `map_from_camera`.
@@ -173,8 +178,12 @@ pub fn read_poses(path: impl AsRef<Path>) -> Result<Vec<Pose>> {
 /// # Errors
 /// As [`atomic_file::write`].
 pub fn write_poses(path: impl AsRef<Path>, poses: &[Pose]) -> Result<()> {
-    let content: String = poses.iter().map(|pose| text::pose_row(pose) + "\n").collect();
-    atomic_file::write(path, content.as_bytes())
+    atomic_file::write(path, poses_text(poses).as_bytes())
+}
+
+/// Poses as [`write_poses`] writes them.
+pub fn poses_text(poses: &[Pose]) -> String {
+    poses.iter().map(|pose| text::pose_row(pose) + "\n").collect()
 }
 
 /// The names of the folders in `folder`, sorted.

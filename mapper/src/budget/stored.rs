@@ -1,6 +1,6 @@
 //! A map on the disk, as a reduction starts from it.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use common::map::{SemanticMap, decode_with_layout};
 
@@ -8,7 +8,7 @@ use super::{BudgetConfig, Known};
 use crate::config::Config;
 use crate::error::Result;
 use crate::evidence::MapEvidence;
-use crate::report::{BuildReport, read_beside};
+use crate::report::{BuildReport, path_beside, read_beside};
 
 /// A map file with what its report says about it.
 #[derive(Debug, Clone)]
@@ -23,6 +23,8 @@ pub struct Stored {
     pub bytes: usize,
     /// The report beside it.
     pub report: Option<BuildReport>,
+    /// A report beside it that is of another map.
+    pub foreign_report: Option<PathBuf>,
     /// The settings of the budget.
     pub config: BudgetConfig,
 }
@@ -37,12 +39,14 @@ impl Stored {
         let bytes = std::fs::read(path).map_err(common::Error::io(path))?;
         let (map, layout) = decode_with_layout(&bytes).map_err(common::Error::in_file(path))?;
         let report = read_beside(path, &bytes)?;
+        let foreign_report = Some(path_beside(path)).filter(|path| report.is_none() && path.exists());
         let evidence = report
             .as_ref()
             .map(|report| report.evidence.clone())
             .filter(|evidence| evidence.fits(&map))
             .unwrap_or_else(|| MapEvidence::assumed(&map, &settings.evidence));
-        Ok(Self { map, evidence, quantum_m: layout.quantum_m, bytes: bytes.len(), report, config: settings.budget })
+        let (quantum_m, bytes, config) = (layout.quantum_m, bytes.len(), settings.budget);
+        Ok(Self { map, evidence, quantum_m, bytes, report, foreign_report, config })
     }
 
     /// What a reduction starts from.

@@ -26,7 +26,7 @@ pub struct MakeAtlas {
     #[arg(long, value_name = "TEXT")]
     note: Option<String>,
     /// Largest size of a tile of several roads, bytes.
-    #[arg(long, value_name = "BYTES", default_value_t = AtlasOptions::default().tile_bytes)]
+    #[arg(long, value_name = "BYTES", default_value_t = AtlasOptions::default().tile_bytes, value_parser = super::some_bytes)]
     tile_bytes: usize,
     /// Largest extent of a tile of several roads, metres.
     #[arg(long, value_name = "M", default_value_t = AtlasOptions::default().tile_side_m, value_parser = super::distance_m)]

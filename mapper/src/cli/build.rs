@@ -4,7 +4,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use common::atomic_file::{Staged, stage};
 use common::config;
+use common::geometry::Pose;
+use common::kitti::poses_text;
 use common::map::{EncodeOptions, SemanticMap};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -15,10 +18,12 @@ use super::usage::Usage;
 use super::{Outcome, print, print_json};
 use crate::budget::{Counts, Known, reduce};
 use crate::config::Config;
+use crate::drive::Drive;
 use crate::error::{Error, Result};
-use crate::export::CloudFile;
+use crate::export::{CloudCount, CloudFile};
 use crate::inspect::{build_text, count_text, road_length_m};
-use crate::report::{BuildReport, ScanCounts, checksum, settings, write_beside};
+use crate::outputs::{self, Output};
+use crate::report::{BuildReport, ScanCounts, checksum, path_beside, settings, stage_beside};
 use crate::{Built, PoseSource, build};
 
 /// Build a map from the scans and the survey of a drive.
@@ -37,8 +42,8 @@ pub struct Build {
     /// frame of the drive.
     #[arg(long, value_name = "POSES.txt")]
     trajectory: Option<PathBuf>,
-    /// Write the stitched cloud with a class per point (LAZ: x right, y
-    /// forward, z up).
+    /// Write the stitched cloud with a class per point (LAZ, or LAS where it is
+    /// named .las: x right, y forward, z up).
     #[arg(long, value_name = "CLOUD.laz")]
     cloud: Option<PathBuf>,
     /// Settings that differ from the defaults, as TOML.
@@ -70,6 +75,8 @@ struct Summary<'a> {
     signs: usize,
     lanes: usize,
     road_m: f64,
+    /// What the reader of the input, and who looks at the scans, wants people to know.
+    notes: &'a [String],
     usage: Usage,
     report: &'a BuildReport,
 }
@@ -92,16 +99,53 @@ impl Build {
         Ok(Outcome::Done)
     }
 
+    /// Opens the drive, once it is known that nothing of it will be written over.
+    fn open(&self, out: &Path, config: &Config) -> Result<Drive> {
+        let report = path_beside(out);
+        let more = [("--trajectory", self.trajectory.as_deref()), ("--cloud", self.cloud.as_deref())];
+        let more = more.into_iter().filter_map(|(option, path)| Some((option, path?)));
+        let outputs: Vec<Output> =
+            [("--out", out), ("the report beside the map", &report)].into_iter().chain(more).collect();
+        let files = self.source.files();
+        outputs::check(&outputs, files.iter().map(PathBuf::as_path).chain(self.config.as_deref()))?;
+        let drive = self.source.open(config)?;
+        let scans: Vec<PathBuf> = (0..drive.survey.len()).map(|frame| drive.scan_path(frame)).collect();
+        outputs::check(&outputs, scans.iter().map(PathBuf::as_path))?;
+        Ok(drive)
+    }
+
+    /// Writes the map and what goes with it. All is on the disk before anything gets its
+    /// name, the map last: no map is without its report.
+    fn write(
+        &self,
+        (out, bytes): (&Path, &[u8]),
+        report: &BuildReport,
+        map_from_camera: &[Pose],
+        cloud: Option<CloudFile>,
+    ) -> Result<Option<CloudCount>> {
+        let mut staged: Vec<Staged> = Vec::new();
+        // Landmarks are numbered as in the file, which has an order of its own.
+        let cloud = cloud.map(|cloud| cloud.finish(&SemanticMap::decode(bytes)?)).transpose()?;
+        let count = cloud.map(|(count, file)| {
+            staged.push(file);
+            count
+        });
+        if let Some(path) = &self.trajectory {
+            staged.push(stage(path, poses_text(map_from_camera).as_bytes())?);
+        }
+        staged.extend(stage_beside(out, report)?);
+        staged.push(stage(out, bytes)?);
+        staged.into_iter().try_for_each(Staged::commit)?;
+        Ok(count)
+    }
+
     fn build(&self, out: &Path, config: &Config) -> Result<()> {
         let started = Instant::now();
-        for path in [Some(out), self.trajectory.as_deref(), self.cloud.as_deref()].into_iter().flatten() {
-            can_be_written(path)?;
-        }
-        let drive = self.source.open(config)?;
+        let drive = self.open(out, config)?;
         // What is no scan cannot be registered against another.
         let poses = if drive.has_single_scans() { self.poses } else { PoseSource::Given };
 
-        let mut scans = ScanCounts::default();
+        let (mut scans, mut blind) = (ScanCounts::default(), Vec::new());
         let mut cloud = self.cloud.as_deref().map(|path| CloudFile::create(path, config)).transpose()?;
         let bar = progress();
         let Built { map, registration, evidence } = build(&drive, poses, config, |window| {
@@ -109,6 +153,7 @@ impl Build {
             for scan in &window.cloud.scans {
                 if scans.scans == 0 || scan.frame > scans.last_frame {
                     scans.add(scan);
+                    blind.extend((scan.points == 0).then_some(scan.frame));
                 }
             }
             if let Some(cloud) = &mut cloud {
@@ -130,8 +175,6 @@ impl Build {
             Some(reduced) => (reduced.map, reduced.bytes, reduced.evidence),
             None => (map, found, evidence),
         };
-        common::atomic_file::write(out, &bytes)?;
-        let usage = Usage::of(started, &drive);
         let report = BuildReport {
             map_bytes: bytes.len(),
             map_crc32c: checksum(&bytes),
@@ -142,13 +185,11 @@ impl Build {
             evidence,
             config: settings(out, config)?,
         };
-        write_beside(out, &report)?;
-        if let Some(path) = &self.trajectory {
-            common::kitti::write_poses(path, &registration.map_from_camera)?;
-        }
+        let cloud = self.write((out, &bytes), &report, &registration.map_from_camera, cloud)?;
+        let mut notes = drive.notes.clone();
+        notes.extend(blind_note(&blind).filter(|_| drive.has_single_scans()));
+        let usage = Usage::of(started, &drive);
         let road_m = road_length_m(&map);
-        // Landmarks are numbered as in the file, which has an order of its own.
-        let cloud = cloud.map(|cloud| cloud.finish(&SemanticMap::decode(&bytes)?)).transpose()?;
         if self.json {
             return print_json(&Summary {
                 map: out,
@@ -156,12 +197,13 @@ impl Build {
                 signs: map.signs.len(),
                 lanes: map.lanes.len(),
                 road_m,
+                notes: &notes,
                 usage,
                 report: &report,
             });
         }
         print(&format!("{}: {} bytes for {road_m:.0} m of road: {}\n", out.display(), bytes.len(), count_text(&map)));
-        for note in &drive.notes {
+        for note in &notes {
             print(&format!("{note}\n"));
         }
         if self.budget.is_some() {
@@ -176,14 +218,12 @@ impl Build {
     }
 }
 
-/// Says so before the work, not after it, where a file has no folder.
-fn can_be_written(path: &Path) -> Result<()> {
-    match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
-            Err(common::Error::MissingFolder { path: path.to_path_buf(), folder: folder.to_path_buf() }.into())
-        }
-        _ => Ok(()),
-    }
+/// What to say of scans without a point that can be used: a file that is empty would have
+/// been refused.
+fn blind_note(frames: &[usize]) -> Option<String> {
+    let first = frames.first()?;
+    let more = if frames.len() > 1 { format!(" and {} more", frames.len() - 1) } else { String::new() };
+    Some(format!("the scan of frame {first}{more} has no point with finite coordinates within reach"))
 }
 
 /// A progress bar; hidden by itself where the error stream is no terminal. It

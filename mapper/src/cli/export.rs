@@ -8,6 +8,7 @@ use common::atomic_file;
 use super::{MapFile, Outcome, print};
 use crate::error::Result;
 use crate::export::{Format, Frame, Projection};
+use crate::outputs;
 
 /// Write a map in a format of other programs.
 #[derive(Debug, Args)]
@@ -35,6 +36,7 @@ pub struct Export {
 impl Export {
     /// Runs the command.
     pub fn run(&self) -> Result<Outcome> {
+        outputs::check(&[("--out", &*self.out)], [&*self.file.map])?;
         let format = self.format.map_or_else(|| Format::of(&self.out), Ok)?;
         let frame = match &self.origin {
             Some(text) => Frame::wgs84(text.parse()?, self.projection),

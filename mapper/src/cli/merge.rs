@@ -13,6 +13,7 @@ use super::{Outcome, print, print_json};
 use crate::error::Result;
 use crate::inspect::{count_text, road_length_m};
 use crate::merge::{LIMITS, MergeConfig, MergeReport, Sources, merge, path_beside};
+use crate::outputs;
 
 /// Merge maps of one area into one.
 ///
@@ -64,6 +65,11 @@ impl Merge {
             print(&config::to_toml(&config)?);
             return Ok(Outcome::Done);
         };
+        // One of the maps may be the one that grows.
+        outputs::check(
+            &[("--out", &**out), ("the sources beside the map", &*path_beside(out))],
+            self.config.as_deref(),
+        )?;
         let started = Instant::now();
         let mut sources = Sources::default();
         let mut repeated = 0;

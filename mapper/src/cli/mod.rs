@@ -101,6 +101,11 @@ fn distance_m(text: &str) -> std::result::Result<f64, String> {
     metres.ok_or_else(|| "it is no distance in metres".into())
 }
 
+/// A size on the command line, bytes.
+fn some_bytes(text: &str) -> std::result::Result<usize, String> {
+    text.parse().ok().filter(|bytes| *bytes > 0).ok_or_else(|| "it is no number of bytes from 1 on".into())
+}
+
 /// Runs the command line (program name first) and says how it went: 0; 1 if a
 /// check says no; or 2 after a wrong command line or input, with one line on
 /// the error stream.
@@ -157,6 +162,16 @@ mod tests {
         assert!(distance_m("0.1").is_ok_and(|metres| (metres - 0.1).abs() < 1e-12) && distance_m("0").is_ok());
         for none in ["nan", "-1", "inf", "1e300", "far"] {
             assert!(distance_m(none).is_err(), "{none}");
+        }
+    }
+
+    #[test]
+    fn a_tile_of_no_bytes_is_none() {
+        assert_eq!(some_bytes("8192"), Ok(8192));
+        for none in ["0", "-1", "1.5", "many"] {
+            assert!(some_bytes(none).is_err(), "{none}");
+            let words = ["mapper", "atlas", "a.csm", "--out", "a.csa", &format!("--tile-bytes={none}")];
+            assert!(Cli::try_parse_from(words).is_err(), "{none}");
         }
     }
 }

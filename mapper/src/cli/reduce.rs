@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use common::atomic_file;
 use serde::Serialize;
 
 use super::{Outcome, print, print_json};
 use crate::budget::{Accuracy, Counts, Detail, Stored, reduce};
 use crate::error::Result;
-use crate::report::{BuildReport, checksum, write_beside};
+use crate::outputs;
+use crate::report::{BuildReport, checksum, path_beside, write_with_map};
 
 /// Write a map within a budget of bytes: of its landmarks those that localize
 /// best.
@@ -42,30 +42,35 @@ struct Summary<'a> {
     of: Counts,
     detail: Detail,
     predicted: Accuracy,
+    notes: Vec<String>,
 }
 
 impl Reduce {
     /// Runs the command.
     pub fn run(&self) -> Result<Outcome> {
+        let [of_map, of_out] = [&self.map, &self.out].map(|map| path_beside(map));
+        let outputs = [("--out", &*self.out), ("the report beside the map", &*of_out)];
+        outputs::check(&outputs, [&*self.map, &*of_map].into_iter().chain(self.config.as_deref()))?;
         let stored = Stored::read(&self.map, self.config.as_deref())?;
         let reduced = reduce(stored.known(), self.budget, &stored.config)?;
-        atomic_file::write(&self.out, &reduced.bytes)?;
-        if let Some(report) = stored.report {
-            let report = BuildReport {
-                map_bytes: reduced.bytes.len(),
-                map_crc32c: checksum(&reduced.bytes),
-                evidence: reduced.evidence,
-                ..report
-            };
-            write_beside(&self.out, &report)?;
-        }
+        let notes: Vec<String> = stored.foreign_report.as_deref().map(foreign_note).into_iter().collect();
+        let report = stored.report.map(|report| BuildReport {
+            map_bytes: reduced.bytes.len(),
+            map_crc32c: checksum(&reduced.bytes),
+            evidence: reduced.evidence,
+            ..report
+        });
+        write_with_map(&self.out, &reduced.bytes, report.as_ref())?;
         let (kept, of) = (Counts::of(&reduced.map), Counts::of(&stored.map));
         let (bytes, detail, predicted) = (reduced.bytes.len(), reduced.detail, reduced.predicted);
         if self.json {
-            print_json(&Summary { map: &self.out, bytes, kept, of, detail, predicted })?;
+            print_json(&Summary { map: &self.out, bytes, kept, of, detail, predicted, notes })?;
             return Ok(Outcome::Done);
         }
         print(&format!("{}: {bytes} bytes of {}\n{}", self.out.display(), stored.bytes, kept_text(kept, of)));
+        for note in &notes {
+            print(&format!("{note}\n"));
+        }
         print(&format!(
             "expected along the roads: {:.2} m sideways, {:.2} m forward, {:.2} degrees of heading (at the worst place {:.2}, {:.2}, {:.2})\n",
             predicted.lateral_m.median,
@@ -77,6 +82,10 @@ impl Reduce {
         ));
         Ok(Outcome::Done)
     }
+}
+
+fn foreign_note(report: &Path) -> String {
+    format!("{} is the report of another map: all landmarks count as known alike", report.display())
 }
 
 /// How many landmarks were kept, as a line of text.

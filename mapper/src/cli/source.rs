@@ -17,7 +17,7 @@ pub struct SourceArgs {
     #[arg(long, value_name = "ROOT", requires = "sequence")]
     kitti: Option<PathBuf>,
     /// The drive of KITTI odometry, such as 04.
-    #[arg(long, value_name = "NN", requires = "kitti")]
+    #[arg(long, value_name = "NN", requires = "kitti", conflicts_with_all = ["raw", "scans", "stitched"])]
     sequence: Option<String>,
     /// KITTI raw: the folder `DATE_drive_NNNN_sync`; the calibration of the
     /// day lies beside it.
@@ -37,8 +37,8 @@ pub struct SourceArgs {
     /// With --scans and --stitched: whose poses the survey holds.
     #[arg(long, value_enum, default_value_t, conflicts_with_all = ["kitti", "raw"])]
     survey_frame: SurveyFrame,
-    /// With --scans: one time per scan, seconds [default: file names that are
-    /// times]; with --stitched: one time per pose.
+    /// With --scans and TUM poses: one time per scan, seconds [default: file
+    /// names that are times]; with KITTI rows: one time per pose.
     #[arg(long, value_name = "TIMES.txt", conflicts_with_all = ["kitti", "raw"])]
     scan_times: Option<PathBuf>,
     /// With --scans and --stitched: what is taken off the coordinates of the
@@ -80,6 +80,17 @@ impl SourceArgs {
         let mut drive = self.opened(config)?;
         drive.deskew = (self.deskew, config.input.turn_s);
         Ok(drive)
+    }
+
+    /// The files that the options name. The scans are not among them.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let named = [&self.survey, &self.calib, &self.scan_times, &self.stitched].into_iter().flatten().cloned();
+        let drive = self.kitti.iter().zip(&self.sequence).flat_map(|(root, name)| {
+            let folder = root.join("sequences").join(name);
+            let poses = root.join("poses").join(format!("{name}.txt"));
+            [folder.join("calib.txt"), folder.join("times.txt"), poses]
+        });
+        named.chain(drive).collect()
     }
 
     fn opened(&self, config: &Config) -> Result<Drive> {

@@ -12,6 +12,7 @@ use crate::atlas::AtlasInspection;
 use crate::draw::svg;
 use crate::error::Result;
 use crate::inspect::Inspection;
+use crate::outputs;
 
 pub fn inspect(map: &Path, json: bool) -> Result<Outcome> {
     if is_atlas(map)? {
@@ -37,6 +38,7 @@ pub fn ascii(map: &Path) -> Result<Outcome> {
 }
 
 pub fn draw(map: &Path, out: &Path) -> Result<Outcome> {
+    outputs::check(&[("--out", out)], [map])?;
     let bytes = std::fs::read(map).map_err(common::Error::io(map))?;
     let (content, layout) = decode_with_layout(&bytes).map_err(common::Error::in_file(map))?;
     let picture = svg(&content, &layout);

@@ -1,4 +1,4 @@
-//! The stitched cloud as LAZ, with a class and a landmark per point.
+//! The stitched cloud as LAZ or LAS, with a class and a landmark per point.
 //!
 //! Columns are held in a pasture buffer, one window of the drive at a time, and
 //! wait on the disk until the map is whole; then they go out through `las`.
@@ -28,7 +28,7 @@ use std::fs::File;
 use std::io::{BufReader, BufWriter, Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 
-use common::atomic_file::{self, folder_of};
+use common::atomic_file::{Staged, stage_with, work_folder};
 use common::map::SemanticMap;
 use las::point::{Classification, Format};
 use las::{Builder, Transform, Vector, Vlr, Writer};
@@ -87,7 +87,7 @@ impl CloudFile {
     /// # Errors
     /// [`common::Error::Io`] where the folder of the file takes none.
     pub fn create(path: &Path, config: &Config) -> Result<Self> {
-        let file = tempfile::tempfile_in(folder_of(path)).map_err(common::Error::io(path))?;
+        let file = tempfile::tempfile_in(work_folder(path)).map_err(common::Error::io(path))?;
         let waiting = BufWriter::with_capacity(1 << 16, file);
         Ok(Self { path: path.to_path_buf(), config: config.clone(), waiting, count: CloudCount::default() })
     }
@@ -133,17 +133,17 @@ impl CloudFile {
     ///
     /// # Errors
     /// [`Error::Cloud`] with what the writer says, and as
-    /// [`common::atomic_file::write`].
-    pub fn finish(self, map: &SemanticMap) -> Result<CloudCount> {
+    /// [`common::atomic_file::stage_with`].
+    pub fn finish(self, map: &SemanticMap) -> Result<(CloudCount, Staged)> {
         let Self { path, config, waiting, count } = self;
         let io = || common::Error::io(&path);
         let mut waiting = waiting.into_inner().map_err(|e| io()(e.into_error()))?;
         waiting.rewind().map_err(io())?;
         let mut waiting = BufReader::with_capacity(1 << 16, waiting);
         let landmarks = LandmarkIndex::new(map, config.lanes.half_line_m);
-        let target = tempfile::tempfile_in(folder_of(&path)).map_err(io())?;
+        let target = tempfile::tempfile_in(work_folder(&path)).map_err(io())?;
         let mut whole = target.try_clone().map_err(io())?;
-        let mut writer = writer(BufWriter::new(target)).map_err(|e| fault(&path, &e))?;
+        let mut writer = writer(BufWriter::new(target), is_plain(&path)).map_err(|e| fault(&path, &e))?;
         let mut bytes = [0; WAITING_BYTES];
         for _ in 0..count.written {
             waiting.read_exact(&mut bytes).map_err(io())?;
@@ -153,11 +153,11 @@ impl CloudFile {
         writer.close().map_err(|e| fault(&path, &e))?;
         drop(writer);
         whole.rewind().map_err(io())?;
-        atomic_file::write_with(&path, |out| {
-            std::io::copy(&mut whole, &mut &mut *out).map_err(io())?;
+        let staged = stage_with(&path, |out| {
+            std::io::copy(&mut whole, out).map_err(io())?;
             Ok::<(), Error>(())
         })?;
-        Ok(count)
+        Ok((count, staged))
     }
 }
 
@@ -208,7 +208,12 @@ impl Waiting {
     }
 }
 
-fn writer(target: BufWriter<File>) -> las::Result<Writer<BufWriter<File>>> {
+/// Whether a file is named as one that is not compressed.
+fn is_plain(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("las"))
+}
+
+fn writer(target: BufWriter<File>, is_plain: bool) -> las::Result<Writer<BufWriter<File>>> {
     let axis = Transform { scale: STEP_M, offset: 0.0 };
     let mut builder = Builder::from((1, 4));
     // No date: the same cloud is the same bytes tomorrow.
@@ -217,7 +222,7 @@ fn writer(target: BufWriter<File>) -> las::Result<Writer<BufWriter<File>>> {
     builder.transforms = Vector { x: axis, y: axis, z: axis };
     builder.vlrs.push(landmark_dimension());
     let mut format = Format::new(6)?;
-    format.is_compressed = true;
+    format.is_compressed = !is_plain;
     format.extra_bytes = 4;
     builder.point_format = format;
     Writer::new(target, builder.into_header()?)
@@ -261,7 +266,9 @@ mod tests {
         let classes = [2, 64, 64, 64, 64];
         file.write(&buffer(&far, &[7; 5], &classes, &[5; 5], &[0.5; 5])).unwrap();
         file.write(&buffer(&[], &[], &[], &[], &[])).unwrap();
-        (file.finish(&map()).unwrap(), std::fs::read(path).unwrap())
+        let (count, staged) = file.finish(&map()).unwrap();
+        staged.commit().unwrap();
+        (count, std::fs::read(path).unwrap())
     }
 
     #[test]
@@ -297,6 +304,19 @@ mod tests {
     fn the_same_cloud_is_the_same_bytes() {
         let folder = tempfile::tempdir().unwrap();
         assert_eq!(written(folder.path(), "a.laz").1, written(folder.path(), "b.laz").1);
+    }
+
+    #[test]
+    fn a_file_is_compressed_unless_it_is_named_as_one_that_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let [plain, packed] = ["a.LAS", "a.laz"].map(|name| {
+            written(folder.path(), name);
+            let mut reader = las::Reader::from_path(folder.path().join(name)).unwrap();
+            let is_compressed = reader.header().point_format().is_compressed;
+            (is_compressed, reader.read_all().unwrap().points().map(|p| p.unwrap()).collect::<Vec<_>>())
+        });
+        assert_eq!((plain.0, packed.0), (false, true));
+        assert!(!plain.1.is_empty() && plain.1 == packed.1);
     }
 
     #[test]

@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use super::Source;
 use super::config::InputConfig;
 use super::formats::ScanFormat;
-use super::survey::{Placement, Poses, SurveyFrame, assumed_times_s, poses_at};
+use super::survey::{Placement, Poses, SurveyFrame, assumed_times_s, poses_at, times_of_rows};
 use crate::drive::{Choice, Drive, Survey};
 use crate::error::{Error, Result};
 use crate::lidar::LidarConfig;
@@ -26,7 +26,7 @@ pub struct ScanInput<'a> {
     pub frame: SurveyFrame,
     /// A `calib.txt` of KITTI's form, where there is a camera.
     pub calibration: Option<&'a Path>,
-    /// A file of one time per scan, seconds.
+    /// A file of one time per scan, or of one per KITTI row, seconds.
     pub scan_times: Option<&'a Path>,
     /// What is taken off the coordinates of the survey's world, metres, where
     /// the first pose shall not decide it.
@@ -95,7 +95,8 @@ impl ScanFolder {
 /// lidar. Poses by time (TUM) are interpolated at the scans' times, which come
 /// from `scan_times` or from file names that are times; where scans have no
 /// times, and for KITTI rows, pose and scan are matched by their number in
-/// the file's name, else by their order.
+/// the file's name, else by their order; then `scan_times` has one time per
+/// row.
 ///
 /// # Errors
 /// A folder without scans or with two formats, poses that do not match, and as
@@ -111,6 +112,7 @@ pub fn open_scans(
     let poses = Poses::read(input.survey)?;
     let placement = Placement::new(input.frame, input.calibration, poses.first(), input.reduced_by_m)?;
     let Matched { files, poses, times_s, without } = matched(input, files, &poses, config)?;
+    let gap = gap_note(&files, &times_s, config.longest_gap_s);
     let survey = Survey {
         path: input.survey.to_path_buf(),
         map_from_camera: poses.iter().map(|pose| placement.map_from_camera(pose)).collect(),
@@ -141,11 +143,31 @@ pub fn open_scans(
     if without > 0 {
         notes.push(format!("{without} scans have no pose within {} s and are left out", config.longest_gap_s));
     }
+    notes.extend(gap);
     let mut drive = Drive::new(Source::Scans(folder.into()), &frames, survey, choice, max_range_m)?;
-    // Numbered by their order, they have no gaps but scans without a pose.
+    // Numbered by their order, they have no gaps but in time.
+    notes.append(&mut drive.notes);
     drive.notes = notes;
     Ok(drive)
 }
+
+/// What to say of poses without a scan, where scans have the numbers of poses, and else
+/// of the longest time without one: a copy may have left some out.
+fn gap_note(frames: &BTreeMap<usize, PathBuf>, times_s: &[f64], longest_gap_s: f64) -> Option<String> {
+    let missing = times_s.len() - frames.len().min(times_s.len());
+    if missing > 0 {
+        return Some(format!("{missing} of {} poses have no scan", times_s.len()));
+    }
+    let mut steps: Vec<(f64, f64)> = times_s.windows(2).map(|pair| (pair[1] - pair[0], pair[0])).collect();
+    steps.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (usual_s, (most_s, from_s)) = (steps.get(steps.len() / 2)?.0, *steps.last()?);
+    (most_s > longest_gap_s && most_s > GAP_STEPS * usual_s)
+        .then(|| format!("no scan for {most_s:.1} s after {from_s:.3} s, and one every {usual_s:.1} s otherwise"))
+}
+
+/// A step from one scan to the next that is so many times as long as the usual one lacks
+/// some.
+const GAP_STEPS: f64 = 2.5;
 
 /// The scans of a folder in the order of their names, numbers as numbers.
 fn scan_files(folder: &Path) -> Result<(ScanFormat, Vec<PathBuf>)> {
@@ -156,7 +178,10 @@ fn scan_files(folder: &Path) -> Result<(ScanFormat, Vec<PathBuf>)> {
             found.push((format, path));
         }
     }
-    found.sort_by(|a, b| (number(&a.1), &a.1).partial_cmp(&(number(&b.1), &b.1)).unwrap_or(std::cmp::Ordering::Equal));
+    found.sort_by(|(_, a), (_, b)| {
+        let (first, second) = ((number(a), natural(stem(a)), a), (number(b), natural(stem(b)), b));
+        first.partial_cmp(&second).unwrap_or(std::cmp::Ordering::Equal)
+    });
     let Some((format, first)) = found.first().cloned() else {
         return Err(Error::NoScanFiles { folder: folder.to_path_buf() });
     };
@@ -173,6 +198,20 @@ fn stem(path: &Path) -> &str {
 /// The number that a file is named by.
 fn number(path: &Path) -> Option<f64> {
     stem(path).parse::<f64>().ok().filter(|v| v.is_finite())
+}
+
+/// A name as people sort it, `scan_2` before `scan_10`: what is between its whole
+/// numbers, and these by their length and digits.
+fn natural(name: &str) -> Vec<(&str, usize, &str)> {
+    let (mut parts, mut rest) = (Vec::new(), name);
+    while !rest.is_empty() {
+        let (text, from) = rest.split_at(rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len()));
+        let (digits, behind) = from.split_at(from.find(|c: char| !c.is_ascii_digit()).unwrap_or(from.len()));
+        let value = digits.trim_start_matches('0');
+        parts.push((text, value.len(), value));
+        rest = behind;
+    }
+    parts
 }
 
 /// The time that a file is named by, seconds: a number with a point is one of
@@ -198,7 +237,11 @@ struct Matched {
 }
 
 fn matched(input: &ScanInput, files: Vec<PathBuf>, poses: &Poses, config: &InputConfig) -> Result<Matched> {
-    let times_s = scan_times(input, &files)?;
+    let times_s = match poses {
+        Poses::Stamped(_) => scan_times(input, &files)?,
+        // Their times are those of the rows.
+        Poses::Rows(_) => files.iter().map(|file| time_of(file)).collect(),
+    };
     let miscounted = |poses: usize| Error::PosesAndScans {
         survey: input.survey.to_path_buf(),
         poses,
@@ -233,7 +276,10 @@ fn matched(input: &ScanInput, files: Vec<PathBuf>, poses: &Poses, config: &Input
                 None if poses.len() == files.len() => (0..files.len()).collect(),
                 None => return Err(miscounted(poses.len())),
             };
-            let times_s = times_s.filter(|t| t.len() == poses.len()).unwrap_or_else(|| assumed_times_s(poses.len()));
+            let times_s = match input.scan_times {
+                Some(path) => times_of_rows(path, input.survey, poses.len())?,
+                None => times_s.filter(|t| t.len() == poses.len()).unwrap_or_else(|| assumed_times_s(poses.len())),
+            };
             Ok(Matched { files: frames.into_iter().zip(files).collect(), poses: poses.clone(), times_s, without: 0 })
         }
     }

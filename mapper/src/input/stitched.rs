@@ -6,6 +6,10 @@
 //! on the disk like a scan, in the frame of the lidar at its place, so that
 //! memory is bounded however large the cloud is.
 //!
+//! Where the trajectory goes on for longer than a gap before the first chosen
+//! place or behind the last, its end is a place, too: what was seen on from there
+//! would be near none.
+//!
 //! A slice is no scan: it holds what was seen from elsewhere, too. So poses
 //! are taken as they are, and nothing that compares scans can be told.
 
@@ -21,18 +25,17 @@ use tempfile::TempDir;
 use super::Source;
 use super::beams;
 use super::config::InputConfig;
-use super::formats::{cut_off, las_reader};
+use super::formats::{at_a_time, cut_off, las_reader};
 use super::scans::ScanInput;
-use super::survey::{Placement, Poses, assumed_times_s};
+use super::survey::{Placement, Poses, assumed_times_s, times_of_rows};
 use crate::drive::{Choice, Drive, Survey};
 use crate::error::{Error, Result};
 use crate::lidar::LidarConfig;
 use crate::path::{Path as DrivenPath, Way};
 
-/// Points that are read at a time.
-const CHUNK: u64 = 1 << 18;
-/// Share of the points that must have a time near the trajectory, for the
-/// times to be believed.
+/// Share of the points with a time of the trajectory that must lie within reach of
+/// where it was then, for the times to be believed. Points of other times say
+/// nothing: a cloud may begin before the trajectory and end after it.
 const TIMED_SHARE: f64 = 0.5;
 
 /// A stitched cloud in slices.
@@ -93,20 +96,33 @@ pub fn open_stitched(
 ) -> Result<Drive> {
     let poses = Poses::read(input.survey)?;
     let placement = Placement::new(input.frame, input.calibration, poses.first(), input.reduced_by_m)?;
-    let (poses, times_s): (Vec<Pose>, Option<Vec<f64>>) = match poses {
-        Poses::Stamped(rows) => (rows.iter().map(|r| r.pose).collect(), Some(rows.iter().map(|r| r.time_s).collect())),
-        Poses::Rows(poses) => (poses, input.scan_times.map(common::kitti::read_times).transpose()?),
+    let (poses, times_s): (Vec<Pose>, Option<Vec<f64>>) = match (poses, input.scan_times) {
+        (Poses::Stamped(_), Some(times)) => {
+            let (survey, times) = (input.survey.to_path_buf(), times.to_path_buf());
+            return Err(Error::TimesTwice { survey, times });
+        }
+        (Poses::Stamped(rows), None) => {
+            (rows.iter().map(|r| r.pose).collect(), Some(rows.iter().map(|r| r.time_s).collect()))
+        }
+        (Poses::Rows(poses), times) => {
+            let times_s = times.map(|path| times_of_rows(path, input.survey, poses.len())).transpose()?;
+            (poses, times_s)
+        }
     };
-    let times_s = times_s.filter(|t| t.len() == poses.len());
     let map_from_camera: Vec<Pose> = poses.iter().map(|pose| placement.map_from_camera(pose)).collect();
-    let places = choice.of(0..poses.len());
-    if places.is_empty() {
+    let chosen = choice.of(0..poses.len());
+    if chosen.is_empty() {
         return Err(Error::NoScans { folder: input.path.to_path_buf(), every: choice.every });
     }
-    let cutter = Cutter::new(&placement, &map_from_camera, &places, times_s.as_deref(), max_range_m, config);
+    let cutter = |places| Cutter::new(&placement, &map_from_camera, places, times_s.as_deref(), max_range_m, config);
+    let all: Vec<usize> = (0..poses.len()).collect();
+    let timed = times_s.is_some() && times_fit(input.path, &cutter(&all))?;
+    let places = match times_s.as_ref().filter(|_| timed) {
+        Some(times_s) => with_ends(&chosen, times_s, &choice, config.longest_gap_s),
+        None => chosen,
+    };
     let folder = tempfile::tempdir().map_err(common::Error::io(std::env::temp_dir()))?;
-    let timed = times_s.is_some() && times_fit(input.path, &cutter)?;
-    let cut = cutter.cut(input.path, folder.path(), timed)?;
+    let cut = cutter(&places).cut(input.path, folder.path(), timed)?;
     if cut.used == 0 {
         return Err(Error::CloudApart {
             cloud: input.path.to_path_buf(),
@@ -135,17 +151,43 @@ pub fn open_stitched(
     let survey = Survey { path, map_from_camera, times_s, camera_from_velodyne: placement.camera_from_velodyne };
     let mut drive = Drive::new(Source::Stitched(slices.into()), &places, survey, choice, max_range_m)?;
     drive.notes = notes;
+    drive.frames = places;
     Ok(drive)
 }
 
-/// Whether most of the first points of a cloud have a time that the trajectory
-/// has, too.
+/// Chosen places, and the ends of what they are chosen from where these are farther
+/// off than a gap.
+fn with_ends(chosen: &[usize], times_s: &[f64], choice: &Choice, longest_gap_s: f64) -> Vec<usize> {
+    let (first, last) = (choice.first, choice.last.min(times_s.len().saturating_sub(1)));
+    let is_beyond = |end: usize, place: Option<&usize>| {
+        place.is_some_and(|place| (times_s[end] - times_s[*place]).abs() > longest_gap_s)
+    };
+    let mut places = chosen.to_vec();
+    if is_beyond(first, chosen.first()) {
+        places.insert(0, first);
+    }
+    if is_beyond(last, chosen.last()) {
+        places.push(last);
+    }
+    places
+}
+
+/// Whether most of the points of a cloud that have a time of the trajectory lie where
+/// it was then; `cutter` has all its poses for places.
 fn times_fit(cloud: &Path, cutter: &Cutter) -> Result<bool> {
     let mut reader = las_reader(cloud)?;
-    let data = reader.read_points(CHUNK).map_err(|e| Error::las(cloud, &e))?;
-    let Some(times) = data.gps_time() else { return Ok(false) };
-    let fit = times.filter(|t| cutter.by_time(*t).is_some()).count();
-    Ok(fit as f64 >= TIMED_SHARE * data.len() as f64 && fit > 0)
+    let (mut timed, mut fit) = (0_usize, 0_usize);
+    loop {
+        let data = reader.read_points(at_a_time(&reader)).map_err(|e| Error::las(cloud, &e))?;
+        let Some(times) = data.gps_time().filter(|_| !data.is_empty()) else { break };
+        for (((x, y), z), time_s) in data.x().zip(data.y()).zip(data.z()).zip(times) {
+            let Some(place) = cutter.by_time(time_s) else { continue };
+            let point_map = cutter.placement.map_from_cloud(&Point3::new(x, y, z));
+            timed += 1;
+            fit += usize::from(cutter.seen_from(place, &point_map).is_some());
+        }
+    }
+    Ok(fit > 0 && fit as f64 >= TIMED_SHARE * timed as f64)
 }
 
 /// What became of a cloud.
@@ -202,6 +244,12 @@ impl<'a> Cutter<'a> {
         (beyond_s <= self.config.longest_gap_s).then(|| nearest(times, time_s))
     }
 
+    /// A point in the frame of the lidar at a place; none that it cannot see so far.
+    fn seen_from(&self, place: usize, point_map: &Point3<f64>) -> Option<Point3<f64>> {
+        let point = self.velodyne_from_map[place] * point_map;
+        (point.coords.norm() <= self.max_range_m).then_some(point)
+    }
+
     /// The place nearest in space.
     fn by_position(&self, point_map: &Point3<f64>) -> usize {
         let place = self.path.place(&Point2::new(point_map.x, point_map.z));
@@ -215,7 +263,7 @@ impl<'a> Cutter<'a> {
         let mut held: Vec<Vec<u8>> = vec![Vec::new(); self.places.len()];
         let mut holding = 0;
         loop {
-            let data = reader.read_points(CHUNK).map_err(|e| Error::las(cloud, &e))?;
+            let data = reader.read_points(at_a_time(&reader)).map_err(|e| Error::las(cloud, &e))?;
             if data.is_empty() {
                 break;
             }
@@ -229,11 +277,7 @@ impl<'a> Cutter<'a> {
                     None => Some(self.by_position(&point_map)),
                 };
                 let Some(place) = place else { continue };
-                let point = self.velodyne_from_map[place] * point_map;
-                let range_m = point.coords.norm();
-                if range_m.is_nan() || range_m > self.max_range_m {
-                    continue;
-                }
+                let Some(point) = self.seen_from(place, &point_map) else { continue };
                 let intensity = f32::from(intensity);
                 cut.largest_intensity = cut.largest_intensity.max(intensity);
                 for value in [point.x as f32, point.y as f32, point.z as f32, intensity] {

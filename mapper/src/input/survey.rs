@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use common::geometry::{Pose, interpolate};
-use common::kitti::{Calibration, read_poses};
-use common::trajectory::{StampedRow, is_tum, read_tum_rows};
+use common::kitti::{Calibration, read_times};
+use common::trajectory::{PoseFile, StampedRow, read_pose_file};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::error::{Error, Result};
@@ -109,9 +109,12 @@ impl Poses {
     /// Reads TUM lines or KITTI rows.
     ///
     /// # Errors
-    /// As [`is_tum`], [`read_tum_rows`] and [`read_poses`].
+    /// As [`read_pose_file`].
     pub fn read(path: &Path) -> Result<Self> {
-        Ok(if is_tum(path)? { Self::Stamped(read_tum_rows(path)?) } else { Self::Rows(read_poses(path)?) })
+        Ok(match read_pose_file(path)? {
+            PoseFile::Stamped(rows) => Self::Stamped(rows),
+            PoseFile::Rows(poses) => Self::Rows(poses),
+        })
     }
 
     /// Its first pose.
@@ -127,6 +130,23 @@ impl Poses {
 /// second, as lidars turn.
 pub fn assumed_times_s(frames: usize) -> Vec<f64> {
     (0..frames).map(|frame| frame as f64 * 0.1).collect()
+}
+
+/// The times of KITTI rows, seconds.
+///
+/// # Errors
+/// [`Error::TimesAndPoses`] where there is not one for each, and as [`read_times`].
+pub fn times_of_rows(path: &Path, survey: &Path, poses: usize) -> Result<Vec<f64>> {
+    let times_s = read_times(path)?;
+    if times_s.len() != poses {
+        return Err(Error::TimesAndPoses {
+            path: path.to_path_buf(),
+            times: times_s.len(),
+            survey: survey.to_path_buf(),
+            poses,
+        });
+    }
+    Ok(times_s)
 }
 
 /// The pose at a time, between two that are not more than `longest_gap_s`

@@ -4,13 +4,15 @@
 use std::path::{Path, PathBuf};
 
 use common::geometry::Pose;
-use common::kitti::{ScanPoint, write_poses, write_scan};
+use common::kitti::{ScanPoint, write_poses, write_scan, write_times};
 use nalgebra::{Point3, Vector3};
 
 use super::formats::ScanFormat;
 use super::*;
 use crate::drive::{Choice, Drive};
 use crate::lidar::LidarConfig;
+
+mod stitched;
 
 const ALL: Choice = Choice { every: 1, first: 0, last: usize::MAX };
 
@@ -210,8 +212,17 @@ fn open(root: &Path, frame: SurveyFrame) -> Result<Drive> {
 
 fn open_reduced(root: &Path, frame: SurveyFrame, reduced_by_m: Option<Vector3<f64>>) -> Result<Drive> {
     let (path, survey) = (root.join("scans"), root.join("poses.txt"));
-    let input = ScanInput { path: &path, survey: &survey, frame, calibration: None, scan_times: None, reduced_by_m };
-    open_scans(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default())
+    open_input(&ScanInput { frame, reduced_by_m, ..beside(&path, &survey) })
+}
+
+/// With the times of `times.txt`.
+fn open_timed(root: &Path) -> Result<Drive> {
+    let [path, survey, times] = ["scans", "poses.txt", "times.txt"].map(|name| root.join(name));
+    open_input(&ScanInput { scan_times: Some(&times), ..beside(&path, &survey) })
+}
+
+fn open_input(input: &ScanInput) -> Result<Drive> {
+    open_scans(input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default())
 }
 
 const TUM: &str = "# t x y z q\n100.0 0 0 0 0 0 0 1\n100.2 2 0 0 0 0 0 1\n100.4 4 1 0.5 0 0 0 1\n";
@@ -242,6 +253,71 @@ fn scans_get_the_rows_of_their_numbers() {
     assert_eq!((drive.frames.clone(), drive.survey.len()), (vec![1, 3], 5));
     assert_eq!(drive.survey, poses);
     assert!(drive.name().starts_with("scans "));
+    let has_note = |note: &str| drive.notes.iter().any(|n| n.contains(note));
+    assert!(has_note("3 of 5 poses have no scan") && has_note("no scan of frames 2,"), "{:?}", drive.notes);
+}
+
+#[test]
+fn a_time_without_scans_is_told() {
+    let rows: Vec<String> = (0..100).map(|i| format!("{}.{} {i} 0 0 0 0 0 1\n", 100 + i / 10, i % 10)).collect();
+    let rows = rows.concat();
+    let notes = |names: &[&str]| open(drive_folder(names, &rows).path(), SurveyFrame::Lidar).unwrap().notes;
+    let whole = ["100.0.pcd", "100.5.pcd", "101.0.pcd", "101.5.pcd", "102.0.pcd", "102.5.pcd"];
+    assert!(notes(&whole).iter().all(|n| !n.contains("no scan for")));
+    let lacking = [&whole[..2], &whole[5..], &["103.0.pcd"]].concat();
+    assert!(
+        notes(&lacking).iter().any(|n| n.starts_with("no scan for 2.0 s after 100.500 s")),
+        "{:?}",
+        notes(&lacking)
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn a_survey_may_come_through_a_pipe_and_a_cloud_may_not() {
+    use std::io::Write;
+    use std::os::fd::AsRawFd;
+    let root = drive_folder(&["100.1.pcd"], "");
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    writer.write_all(TUM.as_bytes()).unwrap();
+    drop(writer);
+    let pipe = PathBuf::from(format!("/dev/fd/{}", reader.as_raw_fd()));
+    assert_eq!(open_input(&beside(&root.path().join("scans"), &pipe)).unwrap().times_s, [100.1]);
+    let survey = root.path().join("poses.txt");
+    std::fs::write(&survey, TUM).unwrap();
+    let cloud = open_stitched(&beside(&pipe, &survey), ALL, 120.0, &InputConfig::default(), &LidarConfig::default());
+    let said = cloud.unwrap_err().to_string();
+    assert!(said.contains("is no file, and it is read more than once"), "{said}");
+}
+
+#[test]
+fn times_beside_rows_are_those_of_the_rows() {
+    let root = drive_folder(&["000001.pcd", "000003.pcd"], "");
+    let poses: Vec<Pose> = (0..5).map(|i| Pose::translation(0.0, 0.0, f64::from(i))).collect();
+    write_poses(root.path().join("poses.txt"), &poses).unwrap();
+    let times_s = [10.0, 10.2, 10.4, 10.6, 10.8];
+    let with = |times_s: &[f64]| {
+        write_times(root.path().join("times.txt"), times_s).unwrap();
+        open_timed(root.path())
+    };
+    assert_eq!(with(&times_s).unwrap().times_s, times_s);
+    let said = with(&times_s[..2]).unwrap_err().to_string();
+    assert!(said.contains("times.txt has 2 times and ") && said.contains("poses.txt has 5 poses"), "{said}");
+    // Poses with times are matched at those of the scans.
+    std::fs::write(root.path().join("poses.txt"), TUM).unwrap();
+    assert_eq!(with(&[100.0, 100.3]).unwrap().times_s, [100.0, 100.3]);
+    assert!(with(&times_s).unwrap_err().to_string().contains("give one time per scan"));
+}
+
+#[test]
+fn scans_follow_each_other_as_people_count() {
+    let names: Vec<String> = (1..=12).rev().map(|i| format!("scan_{i}_of_12.pcd")).collect();
+    let rows: Vec<String> = (1..=12).map(|i| format!("{i} {i} 0 0 0 0 0 1\n")).collect();
+    let root = drive_folder(&names.iter().map(String::as_str).collect::<Vec<_>>(), &rows.concat());
+    let drive = open(root.path(), SurveyFrame::Lidar).unwrap();
+    for (frame, name) in names.iter().rev().enumerate() {
+        assert!(drive.scan_path(frame).ends_with(name), "{frame}: {}", drive.scan_path(frame).display());
+    }
 }
 
 #[test]
@@ -279,59 +355,4 @@ fn a_folder_that_does_not_fit_is_told() {
 /// A cloud or a folder of scans, with poses of its lidar and nothing else.
 fn beside<'a>(path: &'a Path, survey: &'a Path) -> ScanInput<'a> {
     ScanInput { path, survey, frame: SurveyFrame::Lidar, calibration: None, scan_times: None, reduced_by_m: None }
-}
-
-#[test]
-fn a_stitched_cloud_is_cut_by_time_or_by_position() {
-    let root = tempfile::tempdir().unwrap();
-    let (cloud, survey) = (root.path().join("cloud.laz"), root.path().join("poses.txt"));
-    let rows: Vec<String> = (0..9).map(|i| format!("{} {} 0 1.75 0 0 0 1\n", 50 + i, i * 5)).collect();
-    std::fs::write(&survey, rows.concat()).unwrap();
-    // Points along the road, each 3 m left of it and level with the lidar.
-    let points: Vec<ScanPoint> = (0..160)
-        .map(|i| ScanPoint { x_m: f32::from(i as i16) * 0.25, y_m: 3.0, z_m: 1.75, reflectance: 40_000.0 })
-        .collect();
-    let choice = Choice { every: 4, ..ALL };
-    let open = |times: &dyn Fn(usize) -> f64| {
-        write_las(&cloud, &points, Some(times));
-        let input = beside(&cloud, &survey);
-        let config = InputConfig { held_points: 50, longest_gap_s: 1.0, ..InputConfig::default() };
-        open_stitched(&input, choice, 120.0, &config, &LidarConfig::default()).unwrap()
-    };
-    let seen = |drive: &Drive| -> Vec<usize> {
-        drive.frames.iter().map(|f| drive.read(*f, 0.0).unwrap().points.len()).collect()
-    };
-    let by_time = open(&|_| 54.2);
-    assert_eq!((by_time.frames.clone(), seen(&by_time)), (vec![0, 4, 8], vec![0, 160, 0]));
-    assert!(!by_time.has_single_scans() && by_time.notes.iter().any(|n| n.contains("cut by time")));
-    let by_position = open(&|_| 0.0);
-    assert_eq!(seen(&by_position), [41, 80, 39]);
-    let scan = by_position.read(4, 0.0).unwrap();
-    assert!(scan.points.iter().all(|p| (p.y - 3.0).abs() < 1e-3 && p.z.abs() < 1e-3 && p.x.abs() < 10.1));
-    assert!((scan.reflectance[0] - 40_000.0 / 65_535.0).abs() < 1e-6);
-    std::fs::write(&survey, "1 9000 0 0 0 0 0 1\n2 9001 0 0 0 0 0 1\n").unwrap();
-    let input = beside(&cloud, &survey);
-    let said =
-        open_stitched(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default()).unwrap_err().to_string();
-    assert!(said.contains("none of its 160 points is near the poses of"), "{said}");
-}
-
-#[test]
-fn a_stitched_cloud_of_a_drive_with_a_stop_is_cut_where_its_places_are() {
-    let root = tempfile::tempdir().unwrap();
-    let (cloud, survey) = (root.path().join("cloud.las"), root.path().join("poses.txt"));
-    // 20 m, 300 poses that shake, 20 m.
-    let x_m = |i: i32| if i < 300 { 5.0 * f64::from(i.min(4)) } else { 5.0 * f64::from(i - 295) };
-    let row = |i: i32| format!("{} {} {} 1.75 0 0 0 1\n", 50 + i, x_m(i), 0.03 * f64::from(i % 3));
-    std::fs::write(&survey, (0..304).map(row).collect::<String>()).unwrap();
-    let points: Vec<ScanPoint> = (0..160)
-        .map(|i| ScanPoint { x_m: f32::from(i as i16) * 0.25, y_m: 3.0, z_m: 1.75, reflectance: 40_000.0 })
-        .collect();
-    write_las(&cloud, &points, None);
-    let input = beside(&cloud, &survey);
-    let drive = open_stitched(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default()).unwrap();
-    for frame in &drive.frames {
-        let scan = drive.read(*frame, 0.0).unwrap();
-        assert!(scan.points.iter().all(|p| p.x.abs() < 2.7), "{frame}: {:?}", scan.points);
-    }
 }

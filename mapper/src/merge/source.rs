@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use common::atomic_file;
+use common::atomic_file::{self, is_other};
 use common::map::{EncodeOptions, SemanticMap, layout};
 
 use super::known;
@@ -181,16 +181,19 @@ impl Sources {
         Ok(sources)
     }
 
-    /// Writes a merged map and its sources beside it.
+    /// Writes a merged map and its sources beside it; none lie beside what is no file.
     ///
     /// # Errors
     /// As [`atomic_file::write`].
     pub fn write(&self, map: &Path, map_bytes: &[u8]) -> Result<()> {
+        let beside = (!is_other(map)).then(|| atomic_file::stage(path_beside(map), &self.to_bytes(map_bytes)));
+        let map = atomic_file::stage(map, map_bytes)?;
         // The map last: where the run ends between the two, the old map does
         // not pass for one of these sources.
-        atomic_file::write(path_beside(map), &self.to_bytes(map_bytes))?;
-        atomic_file::write(map, map_bytes)?;
-        Ok(())
+        if let Some(beside) = beside.transpose()? {
+            beside.commit()?;
+        }
+        Ok(map.commit()?)
     }
 }
 

@@ -331,3 +331,46 @@ fn odometry_that_is_none() {
     std::fs::write(&file, "0.04,10,0\n0.02,10,0\n").unwrap();
     localize(root.path(), &words).refused(&["odometry.csv line 2", "sort the lines by time"]);
 }
+
+#[test]
+fn an_output_that_is_an_input_or_another_output() {
+    let root = plain();
+    let (map, poses) = (root.path().join("04.csm"), root.path().join("poses/04.txt"));
+    let scan = root.path().join("sequences/04/velodyne/000001.bin");
+    let before = [&poses, &scan].map(|file| std::fs::read(file).unwrap());
+    let around = root.path().join("poses/../04.csm");
+    let report = root.path().join("04.build.json");
+    for (option, path, said) in [
+        ("--trajectory", &map, "04.csm: --out and --trajectory would be one file"),
+        ("--cloud", &around, "04.csm: --out and --cloud would be one file"),
+        ("--trajectory", &report, "the report beside the map and --trajectory would be one file"),
+        ("--trajectory", &poses, "04.txt: it is read, and --trajectory would replace it"),
+        ("--cloud", &scan, "000001.bin: it is read, and --cloud would replace it"),
+    ] {
+        build_of(root.path(), &[option, text(path)]).refused(&[said, "name"]);
+    }
+    assert_eq!([&poses, &scan].map(|file| std::fs::read(file).unwrap()), before);
+    build_of(root.path(), &[]).ok();
+    for words in [&["draw"][..], &["export", "--format", "csv"], &["reduce", "--budget", "500"]] {
+        run("mapper", &[words, &[text(&map), "--out", text(&around)]].concat()).refused(&["04.csm: it is read"]);
+    }
+}
+
+#[test]
+fn a_report_that_cannot_be_written_leaves_no_map() {
+    let root = plain();
+    std::fs::create_dir(root.path().join("04.build.json")).unwrap();
+    build_of(root.path(), &[]).refused(&["04.build.json"]);
+}
+
+#[test]
+fn a_sequence_of_what_has_none() {
+    let root = plain();
+    let (folder, poses) = (root.path().join("sequences/04/velodyne"), root.path().join("poses/04.txt"));
+    let map = root.path().join("a.csm");
+    let words = ["build", "--scans", text(&folder), "--survey", text(&poses), "--sequence", "04", "--out", text(&map)];
+    let ran = run("mapper", &words);
+    for part in ["'--sequence <NN>'", "cannot be used with", "'--scans <FOLDER>'"] {
+        assert!(ran.code == 2 && ran.err.contains(part), "{ran:?}");
+    }
+}

@@ -149,3 +149,28 @@ fn points_that_are_no_numbers_are_dropped_and_counted() {
     assert_eq!((count("points"), count("dropped_not_finite"), count("dropped_out_of_range")), (3601, 2, 2));
     assert!(json["usage"]["wall_s"].as_f64().unwrap() > json["usage"]["read_s"].as_f64().unwrap());
 }
+
+#[test]
+fn what_people_are_told_stands_in_the_json_too() {
+    let root = plain();
+    let (map, scan) = (root.path().join("04.csm"), root.path().join("sequences/04/velodyne/000001.bin"));
+    let point = ScanPoint { x_m: f32::NAN, y_m: 3.0, z_m: -1.7, reflectance: 0.5 };
+    write_scan(&scan, &[point; 3]).unwrap();
+    let note = "the scan of frame 1 has no point with finite coordinates within reach";
+    assert!(build(root.path(), "04", &map, &["--every", "1"]).ok().contains(note));
+    let json = |said: String| serde_json::from_str::<serde_json::Value>(&said).unwrap();
+    let built = json(build(root.path(), "04", &map, &["--every", "1", "--json"]).ok());
+    assert_eq!(built["notes"], serde_json::json!([note]));
+
+    // The report of one map beside another.
+    let other = root.path().join("other.csm");
+    build(root.path(), "04", &other, &["--last", "0"]).ok();
+    let reduce = |more: &[&str]| {
+        let small = root.path().join("small.csm");
+        run("mapper", &[&["reduce", text(&map), "--budget", "4000", "--out", text(&small)], more].concat()).ok()
+    };
+    assert_eq!(json(reduce(&["--json"]))["notes"], serde_json::json!([]));
+    std::fs::copy(root.path().join("other.build.json"), root.path().join("04.build.json")).unwrap();
+    assert!(reduce(&[]).contains("04.build.json is the report of another map"));
+    assert_eq!(json(reduce(&["--json"]))["notes"].as_array().unwrap().len(), 1);
+}

@@ -93,7 +93,7 @@ impl AtlasBuilder {
             let [x, _, z] = grid.point(&middle, || format!("road {number}"))?;
             let key = (hilbert::index(x as i32, z as i32), number);
             let bytes = road.encode(&EncodeOptions { quantum_m })?;
-            let create = || tempfile::tempfile_in(atomic_file::folder_of(&self.path));
+            let create = || tempfile::tempfile_in(atomic_file::work_folder(&self.path));
             self.sorter.push(Record { key, bytes }, create).map_err(Error::io(&self.path))?;
         }
         Ok(())

@@ -10,7 +10,7 @@ use super::file::PositionedFile;
 use super::header::{HEADER_BYTES, Header, MAGIC};
 use super::tile::Tile;
 use super::{AtlasSummary, Counts};
-use crate::{Error, Result};
+use crate::{Error, Result, atomic_file};
 
 /// Most children that a node may have: four times what is written.
 const MAX_CHILDREN: usize = 256;
@@ -94,8 +94,12 @@ struct Walk<'a> {
 /// Whether a file begins as an atlas does.
 ///
 /// # Errors
-/// [`Error::Io`] where it cannot be read.
+/// [`Error::Io`] where it cannot be read, [`Error::NoFile`] where it could not be read
+/// again.
 pub fn is_atlas(path: impl AsRef<Path>) -> Result<bool> {
+    if atomic_file::is_other(path.as_ref()) {
+        return Err(Error::NoFile { path: path.as_ref().to_path_buf() });
+    }
     let mut start = Vec::new();
     let file = std::fs::File::open(&path).map_err(Error::io(&path))?;
     file.take(MAGIC.len() as u64).read_to_end(&mut start).map_err(Error::io(&path))?;

@@ -1,6 +1,7 @@
 //! Files of one scan: LAS, LAZ, PCD, PLY, and KITTI's.
 
 mod las;
+mod las_check;
 mod lzf;
 mod pcd;
 mod ply;
@@ -9,7 +10,7 @@ use std::path::Path;
 
 use common::kitti::{Scan, ScanPoint, read_scan};
 
-pub use self::las::{cut_off, reader as las_reader};
+pub use self::las::{at_a_time, cut_off, reader as las_reader};
 use super::beams;
 use crate::error::{Error, Result};
 

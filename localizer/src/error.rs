@@ -25,6 +25,14 @@ pub enum Error {
         /// The option.
         option: &'static str,
     },
+    /// Something that the paper's method cannot take in.
+    #[error(
+        "`--method paper` starts by GPS and then asks images alone, so `{option}` would change nothing; leave it out, or take `--method robust`"
+    )]
+    NotOfPaper {
+        /// The option, or the setting.
+        option: &'static str,
+    },
     /// No frame of the range has an image or labels.
     #[error("frames {first} to {last} of {} hold none to localize in; it has frames {have_first} to {have_last}", folder.display())]
     NoFrames {

@@ -55,6 +55,7 @@ pub struct RunArgs {
 pub fn execute(args: &RunArgs) -> Result<bool> {
     let Some(mut config) = args.config.load()? else { return Ok(true) };
     config.gps.fuse |= args.fuse_gps;
+    args.method.check(args.odometry.is_some(), &config)?;
     let wheels = args.odometry.as_deref().map(OdometryLog::read).transpose()?;
     let out = super::required(args.out.as_ref(), "--out")?;
     // Where wheels tell the motion, the images are not asked.

@@ -101,6 +101,13 @@ fn wrong_input_gets_its_sentence() {
     let message = |words: &str| run_words(words).unwrap_err().to_string();
     assert!(message(&format!("run {drive} {labels}")).contains("--out"));
     assert!(message(&format!("run {drive} --out {at}/o")).contains("--pole-net"));
+    // What the paper's method would pass over.
+    let paper = format!("{drive} {labels} --method paper");
+    let odometry = format!("--odometry {at}/no.csv");
+    assert!(message(&format!("run {paper} {odometry} --out {at}/o")).contains("`--odometry` would change nothing"));
+    assert!(message(&format!("trial {paper} {odometry}")).contains("`--odometry` would change nothing"));
+    let fused = format!("run {paper} --gps {at}/gps.txt --fuse-gps --out {at}/o");
+    assert!(message(&fused).contains("`--fuse-gps` would change nothing"));
     assert!(message(&format!("run --map {at}/no.csm --kitti {at}/kitti {labels} --out {at}/o")).contains("no.csm"));
     assert!(message(&format!("run {drive} {labels} --first 7 --out {at}/o")).contains("0 to 2"));
     assert!(message(&format!("run {drive} --labels {at}/nowhere --out {at}/o")).contains("nowhere"));

@@ -25,7 +25,7 @@ pub struct TrialArgs {
     /// Only this method; default: both.
     #[arg(long, value_enum)]
     method: Option<Method>,
-    /// Wheels and gyroscope, as of `run`.
+    /// Wheels and gyroscope, as of `run`; the paper's method asks images alone.
     #[arg(long, value_name = "FILE")]
     odometry: Option<PathBuf>,
     /// Print a row for each draw, too.
@@ -44,6 +44,9 @@ struct Draw {
 
 pub fn execute(args: &TrialArgs) -> Result<bool> {
     let Some(mut config) = args.config.load()? else { return Ok(true) };
+    if let Some(method) = args.method {
+        method.check(args.odometry.is_some(), &config)?;
+    }
     let wheels = args.odometry.as_deref().map(OdometryLog::read).transpose()?;
     // Where wheels tell the motion, the images are not asked.
     config.visual_odometry.is_on &= wheels.is_none();

@@ -127,6 +127,15 @@ pub enum Error {
         "no frame was localized: from the first position on no image shows what the map has; give images or labels that show its landmarks, and positions within metres (`--gps`)"
     )]
     NothingLocalized,
+    /// A run of which no frame is scored.
+    #[error(
+        "only {localized} of the frames were localized, and the first {}, which GPS starts, are not scored; give more of the drive (`--first`, `--last`)",
+        crate::eval::START_FRAMES
+    )]
+    NothingScored {
+        /// Frames that were localized.
+        localized: usize,
+    },
     /// Estimates and truth share no frame.
     #[error("{} and {} share no frame from {first} on; give the truth of the same sequence", estimate.display(), truth.display())]
     NoCommonFrames {

@@ -6,7 +6,7 @@ use clap::Args;
 use common::geometry::Pose;
 use common::trajectory::Trajectory;
 
-use crate::eval::trust::{ALERT_LIMIT_M, Trust};
+use crate::eval::trust::{ALERT_LIMIT_M, Nees, Trust};
 use crate::eval::turn::ConstantTurn;
 use crate::eval::{Report, StageTime, score};
 use crate::output::{Recorded, Timing, read_estimates, read_timing};
@@ -151,15 +151,17 @@ fn table(report: &Report) -> String {
 
 /// What the covariances are worth, as lines.
 fn trust_lines(trust: &Trust) -> [String; 2] {
-    let [low, high] = trust.nees_bounds;
+    let nees = trust.nees.map_or_else(
+        || "of none: no frame is called ok with a covariance that can be one".to_owned(),
+        |Nees { mean_nees, independent, nees_bounds: [low, high], share_within }| {
+            let under = 100.0 * share_within;
+            format!(
+                "{mean_nees:>10.2}   of ok frames; 6 expected, {low:.2} to {high:.2} of {independent:.0} independent; {under:.1} % under 12.6"
+            )
+        },
+    );
     [
-        format!(
-            "{:<24}{:>10.2}   of ok frames; 6 expected, {low:.2} to {high:.2} of {:.0} independent; {:.1} % under 12.6",
-            "NEES mean",
-            trust.mean_nees,
-            trust.independent,
-            100.0 * trust.share_within
-        ),
+        format!("{:<24}{nees}", "NEES mean"),
         format!(
             "{:<24}{} available, {} misleading, {} hazardous (95 %, alert limit {} m)",
             "claims", trust.available, trust.misleading, trust.hazardous, ALERT_LIMIT_M

@@ -81,6 +81,11 @@ fn a_drive_is_localized_and_scored_from_files() {
     assert!(matches!(run_words(&tum), Err(Error::MissingOption { option: "--times" })));
     assert!(run_words(&format!("{tum} --times {at}/kitti/sequences/90/times.txt")).unwrap());
     assert!(run_words(&format!("trial {drive} --draws 1")).unwrap());
+    // Two frames are the start, and nothing of no draw is scored.
+    let start = run_words(&format!("trial {drive} --draws 1 --last 1")).unwrap_err().to_string();
+    assert!(start.contains("only 2 of the frames were localized, and the first 2,"), "{start}");
+    let none = Cli::try_parse_from(format!("localizer trial {drive} --draws 0").split_whitespace());
+    assert!(none.unwrap_err().to_string().contains("--draws"));
     let motion = format!("motion --kitti {at}/kitti --sequence 90 --labels {at}/labels");
     assert!(run_words(&format!("{motion} --truth {at}/kitti/poses/90.txt --out {at}/motion.csv")).unwrap());
     // The same input gives the same bytes.

@@ -32,6 +32,9 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Outcome {
     let Some(trial) = arguments.of.read()? else { return Ok(()) };
     let results = trial.run()?;
+    if results.is_empty() {
+        return Err(localizer::Error::NothingLocalized.into());
+    }
     let middle = results.get(results.len() / 2).map(|result| result.frame);
     let frame = arguments.frame.or(middle).unwrap_or(0);
     let result = results.iter().find(|result| result.frame == frame);

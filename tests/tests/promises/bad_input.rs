@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use common::map::{EncodeOptions, SemanticMap};
 
-use crate::support::{CALIBRATION, Ran, build, plain, run, run_with, text};
+use crate::support::{CALIBRATION, Ran, build, plain, run, run_with, text, write_png};
 
 /// `mapper build` of every scan of sequence 04.
 fn build_of(root: &Path, more: &[&str]) -> Ran {
@@ -185,16 +185,6 @@ fn a_map_of_a_future_version() {
 fn what_is_no_map() {
     let (maps, _) = Maps::new();
     maps.refused(b"hello, this is text", "no Waymark map");
-}
-
-/// An 8-bit image, grey or of three colours.
-fn write_png(path: &Path, (width, height): (u32, u32), colour: png::ColorType) {
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    let mut encoder = png::Encoder::new(std::fs::File::create(path).unwrap(), width, height);
-    encoder.set_color(colour);
-    encoder.set_depth(png::BitDepth::Eight);
-    let bytes = vec![0; (width * height) as usize * colour.samples()];
-    encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
 }
 
 /// `localizer run` in an empty map of the plain drive.

@@ -118,6 +118,12 @@ impl Drive {
         self.sequence.image_path(CAMERA, frame).is_file()
     }
 
+    /// Whether its images tell how it moved, and not its label images: most frames have
+    /// one. A frame without says nothing of that, and the others do.
+    pub fn moves_by_images(&self) -> bool {
+        2 * self.frames.iter().filter(|&&frame| self.has_image(frame)).count() > self.frames.len()
+    }
+
     /// The image of a frame.
     ///
     /// # Errors

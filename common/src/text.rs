@@ -58,8 +58,15 @@ pub(crate) fn numbers<const N: usize>(path: &Path, line: usize, row: &str) -> Re
 /// A pose from a 3x4 matrix `[R | t]`, row by row; the printed `R` is replaced
 /// by the rotation nearest to it.
 pub(crate) fn pose(path: &Path, line: usize, row: &str) -> Result<Pose> {
-    let values: [f64; 12] = numbers(path, line, row)?;
-    let matrix = Matrix3x4::from_row_slice(&values);
+    pose_of(path, line, &numbers(path, line, row)?)
+}
+
+/// The same of numbers that were read already.
+///
+/// # Errors
+/// [`Error::NotARotation`] or [`Error::Mirrors`] where `R` is no rotation.
+pub fn pose_of(path: &Path, line: usize, values: &[f64; 12]) -> Result<Pose> {
+    let matrix = Matrix3x4::from_row_slice(values);
     let rotation = rotation(path, line, &matrix.fixed_columns::<3>(0).into_owned())?;
     Ok(Pose::from_parts(Translation3::from(Vector3::new(values[3], values[7], values[11])), rotation))
 }

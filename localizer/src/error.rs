@@ -80,7 +80,27 @@ pub enum Error {
         /// Its columns.
         found: usize,
     },
-    /// A fix whose time is no frame's.
+    /// A row of a GPS file that begins with no frame.
+    #[error("{} line {line} is of frame {found}, which is none; give whole numbers from 0 on, and a 3x4 pose", path.display())]
+    GpsFrame {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What stands there.
+        found: f64,
+    },
+    /// A GPS file without a fix for any frame that is localized.
+    #[error("{} has no fix of the frames {first} to {last}; give one for the first frame", path.display())]
+    NoFix {
+        /// The file.
+        path: PathBuf,
+        /// First frame of the run.
+        first: usize,
+        /// Last frame of the run.
+        last: usize,
+    },
+    /// Fixes whose times are no frame's: here is the first.
     #[error("{} line {line} is at {time_s} s, but the nearest frame is {off_s:.3} s away; give times as in times.txt", path.display())]
     GpsTime {
         /// The file.

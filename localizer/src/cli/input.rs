@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::config::Config;
 use crate::drive::{Drive, Seen, Source};
-use crate::gps::{GpsFix, simulate};
+use crate::gps::{self, FixFile, GpsFix, simulate};
 use crate::local_map::LocalMap;
 use crate::projection::ImageSize;
 use crate::run::FrameFeatures;
@@ -120,7 +120,7 @@ impl InputArgs {
 /// Simulated fixes on the first of `frames`.
 ///
 /// # Errors
-/// As [`started`].
+/// [`Error::NoStart`] where there is none.
 pub fn simulated(
     frames: &[FrameFeatures],
     truth: &[Pose],
@@ -135,18 +135,37 @@ pub fn simulated(
     let poses: Vec<Pose> = starts.iter().map(|(_, pose)| *pose).collect();
     let fixes = simulate(&poses, &config.gps, seed);
     started(frames, starts.iter().map(|(frame, _)| *frame).zip(fixes).collect())
+        .map_err(|(first, last)| Error::NoStart { first, last })
 }
 
-/// The fixes, if one of them lies on the frames.
+/// The fixes of a file; says how many of them are of no frame.
 ///
 /// # Errors
-/// [`Error::NoStart`] where none does.
-pub fn started(frames: &[FrameFeatures], fixes: BTreeMap<usize, GpsFix>) -> Result<BTreeMap<usize, GpsFix>> {
-    let ends = frames.first().zip(frames.last()).map_or((0, 0), |(first, last)| (first.frame, last.frame));
-    if frames.iter().any(|seen| fixes.contains_key(&seen.frame)) {
-        return Ok(fixes);
+/// As [`gps::read`], and [`Error::NoFix`] where none lies on the frames.
+pub fn read_fixes(input: &Input, path: &Path, config: &Config) -> Result<BTreeMap<usize, GpsFix>> {
+    let FixFile { fixes, astray_lines } = gps::read(path, &input.drive.times_s, &config.gps)?;
+    let fixes = started(&input.frames, fixes).map_err(|(first, last)| Error::NoFix {
+        path: path.to_path_buf(),
+        first,
+        last,
+    })?;
+    if let Some(line) = astray_lines.first() {
+        common::say!(
+            "{}: of no frame and left out are fixes in {} lines, the first in line {line}",
+            path.display(),
+            astray_lines.len()
+        );
     }
-    Err(Error::NoStart { first: ends.0, last: ends.1 })
+    Ok(fixes)
+}
+
+/// The fixes, if one of them lies on the frames; else which frames these are.
+fn started(
+    frames: &[FrameFeatures],
+    fixes: BTreeMap<usize, GpsFix>,
+) -> std::result::Result<BTreeMap<usize, GpsFix>, (usize, usize)> {
+    let ends = frames.first().zip(frames.last()).map_or((0, 0), |(first, last)| (first.frame, last.frame));
+    if frames.iter().any(|seen| fixes.contains_key(&seen.frame)) { Ok(fixes) } else { Err(ends) }
 }
 
 /// A bar on a terminal, nothing elsewhere.

@@ -6,7 +6,7 @@ use clap::Args;
 use nalgebra::Point2;
 
 use super::ConfigArgs;
-use super::input::{Input, InputArgs, simulated, started};
+use super::input::{Input, InputArgs, read_fixes, simulated};
 use crate::estimate::Status;
 use crate::odometry::OdometryLog;
 use crate::overlay::{self, ProjectedShape};
@@ -14,7 +14,7 @@ use crate::preselect::{Candidates, Lookup, Reach};
 use crate::projection::View;
 use crate::run::{FrameResult, Localizer, Method, localize};
 use crate::watch::odometry;
-use crate::{Error, Result, config::Config, gps, output};
+use crate::{Error, Result, config::Config, output};
 
 /// Arguments of `localizer run`.
 #[derive(Debug, Args)]
@@ -68,7 +68,7 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     })?;
     let odometry = odometry(wheels, &input.motion, &mut config);
     let fixes = match &args.gps {
-        Some(path) => started(&input.frames, gps::read(path, &input.drive.times_s, &config.gps)?)?,
+        Some(path) => read_fixes(&input, path, &config)?,
         None => simulated(&input.frames, &args.input.true_poses(&input.drive)?, &config, args.gps_seed)?,
     };
     let localizer = Localizer::new(args.method, &mut input.map, &input.drive.camera, input.image, &config);

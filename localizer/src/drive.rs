@@ -113,6 +113,11 @@ impl Drive {
         Ok(Self { sequence, camera, times_s, frames })
     }
 
+    /// The times of the frames to localize, seconds.
+    pub fn frame_times_s(&self) -> Vec<f64> {
+        self.frames.iter().map(|&frame| self.times_s[frame]).collect()
+    }
+
     /// Whether a frame has an image, or label images alone.
     pub fn has_image(&self, frame: usize) -> bool {
         self.sequence.image_path(CAMERA, frame).is_file()

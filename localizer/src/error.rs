@@ -132,6 +132,26 @@ pub enum Error {
         /// Its time, seconds.
         time_s: f64,
     },
+    /// Odometry of which no motion can be told.
+    #[error("{} has fewer than two lines of `t_s,speed_m_s,yaw_rate_rad_s`, which tell no motion; give those of the drive, or leave `--odometry` out", path.display())]
+    NoOdometry {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Odometry of another time than the drive's.
+    #[error(
+        "{} tells of no step between frames: its lines are from {:.3} to {:.3} s, and the frames from {:.3} to {:.3} s; \
+         give times as in times.txt, or leave `--odometry` out",
+        path.display(), told_s[0], told_s[1], frames_s[0], frames_s[1]
+    )]
+    OdometryElsewhere {
+        /// The file.
+        path: PathBuf,
+        /// When it begins and ends, seconds.
+        told_s: [f64; 2],
+        /// When the first and the last frame were taken, seconds.
+        frames_s: [f64; 2],
+    },
     /// A result file without the columns of one.
     #[error("{} is no result of `localizer run`: line {line} {problem}; give its output folder or its estimates.csv", path.display())]
     BadResult {

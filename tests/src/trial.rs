@@ -112,7 +112,7 @@ impl LookArgs {
     /// Where an option is missing or a file cannot be read.
     pub fn read(&self) -> localizer::Result<Option<Trial>> {
         let Some(mut config) = self.config.load()? else { return Ok(None) };
-        let wheels = self.odometry.as_deref().map(OdometryLog::read).transpose()?;
+        let wheels = self.input.read_odometry(self.odometry.as_deref())?;
         let images = Images {
             root: self.input.kitti.clone().unwrap_or_default(),
             sequence: self.input.sequence.clone(),

@@ -11,6 +11,7 @@ use crate::config::Config;
 use crate::drive::{Drive, Seen, Source};
 use crate::gps::{self, FixFile, GpsFix, simulate};
 use crate::local_map::LocalMap;
+use crate::odometry::OdometryLog;
 use crate::projection::ImageSize;
 use crate::run::FrameFeatures;
 use crate::vision::network::Runtime;
@@ -75,6 +76,24 @@ impl InputArgs {
     pub fn open_drive(&self) -> Result<Drive> {
         let root = super::required(self.kitti.as_ref(), "--kitti")?;
         Drive::open(&root, &self.sequence, self.labels.as_deref(), self.first, self.last)
+    }
+
+    /// What a log says of wheels and gyroscope, where one is given.
+    ///
+    /// # Errors
+    /// As [`OdometryLog::read`] and [`Drive::open`], and [`Error::OdometryElsewhere`]
+    /// where it says nothing of the drive: images would be passed over for it.
+    pub fn read_odometry(&self, path: Option<&Path>) -> Result<Option<OdometryLog>> {
+        let Some(path) = path else { return Ok(None) };
+        let log = OdometryLog::read(path)?;
+        let times_s = self.open_drive()?.frame_times_s();
+        let ends = log.span_s().zip(times_s.first().copied().zip(times_s.last().copied()));
+        match ends {
+            Some((told_s, (first_s, last_s))) if times_s.len() > 1 && log.told(&times_s) == 0 => {
+                Err(Error::OdometryElsewhere { path: path.to_path_buf(), told_s, frames_s: [first_s, last_s] })
+            }
+            _ => Ok(Some(log)),
+        }
     }
 
     /// Where the features come from.

@@ -8,13 +8,15 @@ use nalgebra::Point2;
 use super::ConfigArgs;
 use super::input::{Input, InputArgs, read_fixes, simulated};
 use crate::estimate::Status;
-use crate::odometry::OdometryLog;
 use crate::overlay::{self, ProjectedShape};
 use crate::preselect::{Candidates, Lookup, Reach};
 use crate::projection::View;
 use crate::run::{FrameResult, Localizer, Method, localize};
 use crate::watch::odometry;
 use crate::{Error, Result, config::Config, output};
+
+/// Steps at both ends of a drive in which a log of wheels begins and ends.
+const ENDS: usize = 2;
 
 /// Arguments of `localizer run`.
 #[derive(Debug, Args)]
@@ -56,7 +58,7 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     let Some(mut config) = args.config.load()? else { return Ok(true) };
     config.gps.fuse |= args.fuse_gps;
     args.method.check(args.odometry.is_some(), &config)?;
-    let wheels = args.odometry.as_deref().map(OdometryLog::read).transpose()?;
+    let wheels = args.input.read_odometry(args.odometry.as_deref())?;
     let out = super::required(args.out.as_ref(), "--out")?;
     // Where wheels tell the motion, the images are not asked.
     config.visual_odometry.is_on &= wheels.is_none();
@@ -66,6 +68,13 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
         }
         Ok(())
     })?;
+    if let Some((wheels, path)) = wheels.as_ref().zip(args.odometry.as_ref()) {
+        let times_s = input.drive.frame_times_s();
+        let (told, steps) = (wheels.told(&times_s), times_s.len() - 1);
+        if told + ENDS < steps {
+            common::say!("{}: {} of {steps} steps between frames are not told", path.display(), steps - told);
+        }
+    }
     let odometry = odometry(wheels, &input.motion, &mut config);
     let fixes = match &args.gps {
         Some(path) => read_fixes(&input, path, &config)?,

@@ -320,4 +320,12 @@ fn odometry_that_is_none() {
     localize(root.path(), &words).refused(&["odometry.csv line 3", "2 columns"]);
     std::fs::write(&file, "0.04,10,0\n0.02,10,0\n").unwrap();
     localize(root.path(), &words).refused(&["odometry.csv line 2", "sort the lines by time"]);
+    std::fs::write(&file, "0.04,10,0\n").unwrap();
+    localize(root.path(), &words).refused(&["odometry.csv has fewer than two lines", "leave `--odometry` out"]);
+    for frame in 0..3 {
+        write_png(&labels.join(format!("pole/{frame:06}.png")), (1226, 370), png::ColorType::Grayscale);
+    }
+    // Of the afternoon, where the drive begins at 0.
+    std::fs::write(&file, "54000.1,10,0\n54000.2,10,0\n").unwrap();
+    localize(root.path(), &words).refused(&["odometry.csv tells of no step", "from 0.000 to 0.200 s", "times.txt"]);
 }

@@ -33,6 +33,14 @@ pub enum Error {
         /// The option, or the setting.
         option: &'static str,
     },
+    /// A range of frames that ends before it begins.
+    #[error("no frame is from {first} on and up to {last}: `--first` is after `--last`; exchange them")]
+    FirstAfterLast {
+        /// First frame that was asked for.
+        first: usize,
+        /// Last frame that was asked for.
+        last: usize,
+    },
     /// No frame of the range has an image or labels.
     #[error("frames {first} to {last} of {} hold none to localize in; it has frames {have_first} to {have_last}", folder.display())]
     NoFrames {
@@ -177,7 +185,10 @@ pub enum Error {
         localized: usize,
     },
     /// Estimates and truth share no frame.
-    #[error("{} and {} share no frame from {first} on; give the truth of the same sequence", estimate.display(), truth.display())]
+    #[error(
+        "{} and {} share no frame from {first} {}; give the truth of the same sequence",
+        estimate.display(), truth.display(), last.map_or_else(|| "on".to_owned(), |last| format!("to {last}"))
+    )]
     NoCommonFrames {
         /// The estimates.
         estimate: PathBuf,
@@ -185,6 +196,8 @@ pub enum Error {
         truth: PathBuf,
         /// First frame that counts.
         first: usize,
+        /// Last frame that counts, where one is given.
+        last: Option<usize>,
     },
     /// A report that cannot be written as JSON.
     #[error("the report cannot be written as JSON: {message}; leave `--json` out")]

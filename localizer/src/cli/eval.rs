@@ -6,6 +6,7 @@ use clap::Args;
 use common::geometry::Pose;
 use common::trajectory::Trajectory;
 
+use crate::drive::check_range;
 use crate::eval::trust::{ALERT_LIMIT_M, Nees, Trust};
 use crate::eval::turn::ConstantTurn;
 use crate::eval::{Report, StageTime, score};
@@ -37,8 +38,9 @@ pub struct EvalArgs {
 }
 
 pub fn execute(args: &EvalArgs) -> Result<bool> {
+    check_range(args.first, args.last)?;
     let truth = read_truth(&args.truth)?;
-    let (mut estimates, mut timing) = read(args, truth.len())?;
+    let (mut estimates, mut timing) = read(args)?;
     let last = args.last.unwrap_or(usize::MAX);
     estimates.retain(|e| (args.first..=last).contains(&e.frame));
     timing.retain(|t| (args.first..=last).contains(&t.frame));
@@ -46,6 +48,7 @@ pub fn execute(args: &EvalArgs) -> Result<bool> {
         estimate: args.estimate.clone(),
         truth: args.truth.clone(),
         first: args.first,
+        last: args.last,
     })?;
     if args.json {
         let text = serde_json::to_string_pretty(&report).map_err(|e| Error::Json { message: e.to_string() })?;
@@ -73,7 +76,7 @@ fn by_frame(trajectory: &Trajectory) -> Vec<Option<Pose>> {
     (0..frames).map(|frame| trajectory.at_frame(frame).map(|stamp| stamp.map_from_camera)).collect()
 }
 
-fn read(args: &EvalArgs, frames: usize) -> Result<(Vec<Recorded>, Vec<Timing>)> {
+fn read(args: &EvalArgs) -> Result<(Vec<Recorded>, Vec<Timing>)> {
     let path = &args.estimate;
     if path.is_dir() {
         let timing = path.join("timing.csv");
@@ -84,12 +87,11 @@ fn read(args: &EvalArgs, frames: usize) -> Result<(Vec<Recorded>, Vec<Timing>)> 
         return Ok((read_estimates(path)?, Vec::new()));
     }
     let trajectory = if columns(path)? == 8 {
-        // Without times a TUM file counts its frames from the truth's first.
         let times_s = match &args.times {
             Some(times) => common::kitti::read_times(times)?,
             None => return Err(Error::MissingOption { option: "--times" }),
         };
-        Trajectory::read_tum(path, &times_s[..frames.min(times_s.len())])?
+        Trajectory::read_tum(path, &times_s)?
     } else {
         read_rows(path)?
     };

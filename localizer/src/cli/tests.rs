@@ -79,7 +79,14 @@ fn a_drive_is_localized_and_scored_from_files() {
     }
     let tum = format!("eval --estimate {at}/out/poses.tum --truth {at}/kitti/poses/90.txt");
     assert!(matches!(run_words(&tum), Err(Error::MissingOption { option: "--times" })));
-    assert!(run_words(&format!("{tum} --times {at}/kitti/sequences/90/times.txt")).unwrap());
+    let times = format!("--times {at}/kitti/sequences/90/times.txt");
+    assert!(run_words(&format!("{tum} {times}")).unwrap());
+    // Frames of no true pose do not count, in whatever form the estimate is.
+    let rows = std::fs::read_to_string(folder.path().join("kitti/poses/90.txt")).unwrap();
+    std::fs::write(folder.path().join("10.txt"), rows.split_inclusive('\n').take(10).collect::<String>()).unwrap();
+    for estimate in ["out", "out/poses.tum"] {
+        assert!(run_words(&format!("eval --estimate {at}/{estimate} --truth {at}/10.txt {times}")).unwrap());
+    }
     assert!(run_words(&format!("trial {drive} --draws 1")).unwrap());
     // Two frames are the start, and nothing of no draw is scored.
     let start = run_words(&format!("trial {drive} --draws 1 --last 1")).unwrap_err().to_string();
@@ -124,7 +131,11 @@ fn wrong_input_gets_its_sentence() {
     std::fs::write(folder.path().join("c.toml"), "[robust]\nmax_runds = 3\n").unwrap();
     assert!(message(&format!("run --config {at}/c.toml")).contains("max_rounds"));
     let eval = format!("eval --estimate {at}/kitti/poses/90.txt --truth {at}/kitti/poses/90.txt --first 9");
-    assert!(message(&eval).contains("share no frame"));
+    assert!(message(&eval).contains("share no frame from 9 on"));
+    assert!(message(&format!("{eval} --last 12")).contains("share no frame from 9 to 12"));
+    for backward in [eval, format!("run {drive} {labels} --first 9 --out {at}/o")] {
+        assert!(message(&format!("{backward} --last 4")).contains("`--first` is after `--last`"));
+    }
     assert!(!folder.path().join("o").exists());
 }
 

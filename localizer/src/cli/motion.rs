@@ -51,6 +51,9 @@ struct Step {
 
 pub fn execute(args: &MotionArgs) -> Result<bool> {
     let Some(config) = args.config.load()? else { return Ok(true) };
+    if let Some(path) = &args.out {
+        common::atomic_file::check(path)?;
+    }
     let root = super::required(args.kitti.as_ref(), "--kitti")?;
     let drive = Drive::open(&root, &args.sequence, args.labels.as_deref(), args.first, args.last)?;
     let truth = args.truth.as_ref().map(|path| drive.sequence.poses_from(path)).transpose()?.unwrap_or_default();

@@ -60,6 +60,9 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     args.method.check(args.odometry.is_some(), &config)?;
     let wheels = args.input.read_odometry(args.odometry.as_deref())?;
     let out = super::required(args.out.as_ref(), "--out")?;
+    for folder in [Some(&out), args.save_labels.as_ref(), args.overlay.as_ref()].into_iter().flatten() {
+        common::atomic_file::check_folder(folder)?;
+    }
     // Where wheels tell the motion, the images are not asked.
     config.visual_odometry.is_on &= wheels.is_none();
     let mut input = args.input.read(&config, |_, frame, seen| {

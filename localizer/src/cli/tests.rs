@@ -137,6 +137,16 @@ fn wrong_input_gets_its_sentence() {
         assert!(message(&format!("{backward} --last 4")).contains("`--first` is after `--last`"));
     }
     assert!(!folder.path().join("o").exists());
+    // Found before the drive is, which is not there.
+    std::fs::write(folder.path().join("file"), "").unwrap();
+    for out in ["--out AT/file", "--out AT/file/o", "--out AT/o --overlay AT/file", "--out AT/o --save-labels AT/file"]
+    {
+        let words = format!("run --map {at}/no.csm --kitti {at}/no {labels} {out}").replace("AT", &at.to_string());
+        assert!(message(&words).contains("file is a file; give another folder"), "{out}");
+    }
+    let motion = format!("motion --kitti {at}/no --out {at}/nowhere/motion.csv");
+    assert!(message(&motion).contains("nowhere does not exist; create it first"));
+    assert!(message(&format!("segment --kitti {at}/no --out {at}/file")).contains("file is a file"));
 }
 
 #[test]

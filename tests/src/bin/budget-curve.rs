@@ -77,10 +77,12 @@ fn run(arguments: &Arguments) -> Outcome {
     for budget in arguments.at.iter().copied().chain([usize::MAX]) {
         let reduced = match reduce(whole, budget, &stored.config) {
             Ok(reduced) => reduced,
-            Err(error) => {
-                common::say!("{budget:>6} {error}");
+            // What it says is of `reduce --budget`, which is not asked for here.
+            Err(mapper::Error::BudgetTooSmall { least_bytes, roads, .. }) => {
+                common::say!("{budget:>6} no map fits: {roads} road stretches without any landmark take {least_bytes}");
                 continue;
             }
+            Err(error) => return Err(error.into()),
         };
         let used = reduced.bytes.len();
         let measured = seen.measure(&reduced.map, arguments.starts)?;

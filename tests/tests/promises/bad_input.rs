@@ -285,6 +285,15 @@ fn a_network_with_other_shapes() {
     std::fs::write(&network, sigmoid_network([1, 3, 4, 8])).unwrap();
     let words = ["--pole-net", text(&network)];
     localize(root.path(), &words).refused(&["tiny.onnx is no known network", "scores 1x3x4x8", "tiny.toml"]);
+    for (description, said) in [
+        ("widht = 8\n", "tiny.toml:1: there is no key `widht` (did you mean `width`?); a description has "),
+        ("\nwidth = 'wide'\n", "tiny.toml:2: "),
+    ] {
+        std::fs::write(network.with_extension("toml"), description).unwrap();
+        let ran = localize(root.path(), &words);
+        ran.refused(&[said, "`skip_top`", "under `[classes]`", "`vegetation`"]);
+        assert!(!ran.err.contains("--print-config"), "{ran:?}");
+    }
     std::fs::write(network.with_extension("toml"), "width = 1248\n[classes]\npole = [0]\n").unwrap();
     localize(root.path(), &words).refused(&["tiny.onnx", "width is 8 and the description says 1248", "tiny.toml"]);
 }

@@ -38,6 +38,18 @@ fn a_drive_in_which_nothing_is_localized_has_no_figures() {
     assert!(!out.exists());
     let measured = run_path(BUDGET_CURVE, &[&drive[..], &["--at", "4096", "--starts", "1"]].concat()).ok();
     assert_eq!(measured.matches("| no frame was localized").count(), 2, "{measured}");
+    let least = run_path(BUDGET_CURVE, &[&drive[..], &["--at", "1", "--starts", "1"]].concat()).ok();
+    assert!(least.contains("     1 no map fits: 0 road stretches") && !least.contains("--budget"), "{least}");
+}
+
+#[test]
+fn who_asks_for_all_settings_need_not_say_where_figures_go() {
+    assert!(run_path(FIGURES, &["--print-config"]).ok().contains("[vision.poles]"));
+    let missing = run_path(FIGURES, &["--map", "a.csm"]);
+    assert!(missing.code == 2 && missing.err.contains("--out"), "{missing:?}");
+    let root = plain();
+    let file = root.path().join("poses/04.txt");
+    run_path(FIGURES, &["--map", "a.csm", "--out", text(&file)]).refused(&["04.txt is a file; give another folder"]);
 }
 
 #[test]

@@ -94,7 +94,11 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     output::write(&out, &results, input.map.numbering())?;
     if let Some(folder) = &args.overlay {
         create(folder)?;
-        for result in &results {
+        let (with, without): (Vec<_>, Vec<_>) = results.iter().partition(|result| input.drive.has_image(result.frame));
+        if !without.is_empty() {
+            common::say!("{} frames have no image to draw on", without.len());
+        }
+        for result in with {
             let image = input.drive.image(result.frame)?;
             let shapes = shapes(&mut input, &config, result)?;
             let features = input.frames.iter().find(|seen| seen.frame == result.frame);

@@ -27,13 +27,13 @@ pub enum Method {
 }
 
 impl Method {
-    /// Whether the method takes in what is given besides images and a start.
+    /// Whether the method takes in what is given besides images and a start, each with
+    /// the option or setting that gives it.
     ///
     /// # Errors
     /// [`Error::NotOfPaper`] where it would pass over it.
-    pub fn check(self, has_odometry: bool, config: &Config) -> Result<()> {
-        let given = [(has_odometry, "--odometry"), (config.gps.fuse, "--fuse-gps")];
-        match given.into_iter().find(|(is_given, _)| *is_given) {
+    pub fn check(self, besides: &[(bool, &'static str)]) -> Result<()> {
+        match besides.iter().find(|(is_given, _)| *is_given) {
             Some((_, option)) if self == Self::Paper => Err(Error::NotOfPaper { option }),
             _ => Ok(()),
         }

@@ -56,8 +56,9 @@ pub struct RunArgs {
 
 pub fn execute(args: &RunArgs) -> Result<bool> {
     let Some(mut config) = args.config.load()? else { return Ok(true) };
+    let wheels = (args.odometry.is_some(), "--odometry");
+    args.method.check(&[wheels, (args.fuse_gps, "--fuse-gps"), (config.gps.fuse, "gps.fuse")])?;
     config.gps.fuse |= args.fuse_gps;
-    args.method.check(args.odometry.is_some(), &config)?;
     let wheels = args.input.read_odometry(args.odometry.as_deref())?;
     let out = super::required(args.out.as_ref(), "--out")?;
     for folder in [Some(&out), args.save_labels.as_ref(), args.overlay.as_ref()].into_iter().flatten() {

@@ -121,6 +121,9 @@ fn wrong_input_gets_its_sentence() {
     assert!(message(&format!("trial {paper} {odometry}")).contains("`--odometry` would change nothing"));
     let fused = format!("run {paper} --gps {at}/gps.txt --fuse-gps --out {at}/o");
     assert!(message(&fused).contains("`--fuse-gps` would change nothing"));
+    std::fs::write(folder.path().join("fuse.toml"), "[gps]\nfuse = true\n").unwrap();
+    let set = format!("trial {paper} --config {at}/fuse.toml");
+    assert!(message(&set).contains("`gps.fuse` would change nothing"));
     assert!(message(&format!("run --map {at}/no.csm --kitti {at}/kitti {labels} --out {at}/o")).contains("no.csm"));
     assert!(message(&format!("run {drive} {labels} --first 7 --out {at}/o")).contains("0 to 2"));
     assert!(message(&format!("run {drive} --labels {at}/nowhere --out {at}/o")).contains("nowhere"));

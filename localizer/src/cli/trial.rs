@@ -45,7 +45,7 @@ struct Draw {
 pub fn execute(args: &TrialArgs) -> Result<bool> {
     let Some(mut config) = args.config.load()? else { return Ok(true) };
     if let Some(method) = args.method {
-        method.check(args.odometry.is_some(), &config)?;
+        method.check(&[(args.odometry.is_some(), "--odometry"), (config.gps.fuse, "gps.fuse")])?;
     }
     let wheels = args.input.read_odometry(args.odometry.as_deref())?;
     // Where wheels tell the motion, the images are not asked.

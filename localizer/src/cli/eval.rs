@@ -41,6 +41,11 @@ pub fn execute(args: &EvalArgs) -> Result<bool> {
     check_range(args.first, args.last)?;
     let truth = read_truth(&args.truth)?;
     let (mut estimates, mut timing) = read(args)?;
+    for (path, is_empty) in [(&args.estimate, estimates.is_empty()), (&args.truth, truth.is_empty())] {
+        if is_empty {
+            return Err(common::Error::NoPoses { path: path.clone() }.into());
+        }
+    }
     let last = args.last.unwrap_or(usize::MAX);
     estimates.retain(|e| (args.first..=last).contains(&e.frame));
     timing.retain(|t| (args.first..=last).contains(&t.frame));

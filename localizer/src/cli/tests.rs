@@ -137,6 +137,11 @@ fn wrong_input_gets_its_sentence() {
     let eval = format!("eval --estimate {at}/kitti/poses/90.txt --truth {at}/kitti/poses/90.txt --first 9");
     assert!(message(&eval).contains("share no frame from 9 on"));
     assert!(message(&format!("{eval} --last 12")).contains("share no frame from 9 to 12"));
+    std::fs::write(folder.path().join("none.txt"), "# no pose\n").unwrap();
+    let poses = format!("{at}/kitti/poses/90.txt");
+    for (estimate, truth) in [(format!("{at}/none.txt"), poses.clone()), (poses, format!("{at}/none.txt"))] {
+        assert!(message(&format!("eval --estimate {estimate} --truth {truth}")).contains("none.txt holds no pose"));
+    }
     for backward in [eval, format!("run {drive} {labels} --first 9 --out {at}/o")] {
         assert!(message(&format!("{backward} --last 4")).contains("`--first` is after `--last`"));
     }

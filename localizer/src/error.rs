@@ -170,6 +170,9 @@ pub enum Error {
         /// What is wrong.
         problem: String,
     },
+    /// Images of which no two can be compared.
+    #[error("the frames show no motion, for no two of them differ; give more of the drive (`--first`, `--last`)")]
+    NoMotion,
     /// A run that came to no pose.
     #[error(
         "no frame was localized: from the first position on no image shows what the map has; give images or labels that show its landmarks, and positions within metres (`--gps`)"

@@ -8,9 +8,9 @@ use clap::Args;
 
 use super::ConfigArgs;
 use super::input::progress;
-use crate::Result;
 use crate::drive::Drive;
 use crate::odometry::Odometry;
+use crate::{Error, Result};
 
 /// Arguments of `localizer motion`.
 #[derive(Debug, Args)]
@@ -89,6 +89,9 @@ pub fn execute(args: &MotionArgs) -> Result<bool> {
         bar.inc(1);
     }
     bar.finish_and_clear();
+    if steps.is_empty() {
+        return Err(Error::NoMotion);
+    }
     if let Some(path) = &args.out {
         common::atomic_file::write(path, csv.as_bytes())?;
     }

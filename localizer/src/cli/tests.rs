@@ -155,6 +155,9 @@ fn wrong_input_gets_its_sentence() {
     }
     let motion = format!("motion --kitti {at}/no --out {at}/nowhere/motion.csv");
     assert!(message(&motion).contains("nowhere does not exist; create it first"));
+    let still = format!("motion --kitti {at}/kitti --sequence 90 {labels} --last 0 --out {at}/o");
+    assert!(message(&still).contains("the frames show no motion"));
+    assert!(!folder.path().join("o").exists());
     assert!(message(&format!("segment --kitti {at}/no --out {at}/file")).contains("file is a file"));
 }
 

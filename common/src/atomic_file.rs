@@ -174,6 +174,33 @@ pub fn work_folder(path: &Path) -> PathBuf {
     }
 }
 
+/// Whether a file can be put under a name, as far as folders go: to be asked before long
+/// work, where it would be found out at the end.
+///
+/// # Errors
+/// [`Error::MissingFolder`] where the folder of `path` does not exist,
+/// [`Error::IsAFolder`] where `path` is one.
+pub fn check(path: impl AsRef<Path>) -> Result<()> {
+    let path = path.as_ref();
+    let folder = folder_of(path);
+    if !folder.is_dir() {
+        return Err(Error::MissingFolder { path: path.to_path_buf(), folder: folder.to_path_buf() });
+    }
+    if path.is_dir() { Err(Error::IsAFolder { path: path.to_path_buf() }) } else { Ok(()) }
+}
+
+/// The same of a folder that is created with those that hold it.
+///
+/// # Errors
+/// [`Error::NotAFolder`] where it, or what should hold it, is a file.
+pub fn check_folder(path: impl AsRef<Path>) -> Result<()> {
+    let path = path.as_ref();
+    match path.ancestors().find(|above| above.exists()) {
+        Some(file) if !file.is_dir() => Err(Error::NotAFolder { path: path.to_path_buf(), file: file.to_path_buf() }),
+        _ => Ok(()),
+    }
+}
+
 /// The folder that a file is, or would be, in.
 pub fn folder_of(path: &Path) -> &Path {
     match path.parent() {
@@ -276,6 +303,23 @@ mod tests {
         let mut read = Vec::new();
         reader.read_to_end(&mut read).unwrap();
         assert_eq!(read, b"through");
+    }
+
+    #[test]
+    fn what_stands_in_the_way_is_found_before_anything_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("file"), b"").unwrap();
+        for fine in ["", "new", "new/one"] {
+            check_folder(at(fine)).unwrap();
+        }
+        for file in ["file", "file/new/one"] {
+            assert!(matches!(check_folder(at(file)), Err(Error::NotAFolder { file, .. }) if file == at("file")));
+        }
+        assert!(check(at("file")).is_ok() && check(at("new")).is_ok());
+        assert!(matches!(check(folder.path()), Err(Error::IsAFolder { .. })));
+        assert!(matches!(check(at("new/one")), Err(Error::MissingFolder { .. })));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
     #[cfg(unix)]

@@ -33,6 +33,20 @@ pub enum Error {
         /// What is there instead.
         path: PathBuf,
     },
+    /// A folder to be written to that cannot be one.
+    #[error("{} cannot be an output folder: {} is a file; give another folder", path.display(), file.display())]
+    NotAFolder {
+        /// The folder to be written to.
+        path: PathBuf,
+        /// It, or what should hold it.
+        file: PathBuf,
+    },
+    /// A file to be written in the place of a folder.
+    #[error("{} cannot be written: it is a folder; give the name of a file", path.display())]
+    IsAFolder {
+        /// The file to be written.
+        path: PathBuf,
+    },
     /// The file is not text.
     #[error("{} is not text (byte {at} is not UTF-8); check that it is the right file", path.display())]
     NotText {

@@ -17,13 +17,21 @@ pub(crate) const ROTATION_LIMIT: f64 = 1e-3;
 /// millimetres, those of a car are more apart.
 pub(crate) const MOUNTING_LIMIT_M: f64 = 100.0;
 
-/// The whole file as text.
+/// What some editors begin text with.
+const BYTE_ORDER_MARK: char = '\u{feff}';
+
+/// The whole file as text, without a byte order mark.
 ///
 /// # Errors
 /// [`Error::Io`] where it cannot be read, [`Error::NotText`] where it is not UTF-8.
 pub fn read(path: &Path) -> Result<String> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    String::from_utf8(bytes).map_err(|e| Error::NotText { path: path.to_path_buf(), at: e.utf8_error().valid_up_to() })
+    let mut text = String::from_utf8(bytes)
+        .map_err(|e| Error::NotText { path: path.to_path_buf(), at: e.utf8_error().valid_up_to() })?;
+    if text.starts_with(BYTE_ORDER_MARK) {
+        text.drain(..BYTE_ORDER_MARK.len_utf8());
+    }
+    Ok(text)
 }
 
 /// The lines that hold something, each with its number (from 1). Comments
@@ -58,8 +66,15 @@ pub(crate) fn numbers<const N: usize>(path: &Path, line: usize, row: &str) -> Re
 /// A pose from a 3x4 matrix `[R | t]`, row by row; the printed `R` is replaced
 /// by the rotation nearest to it.
 pub(crate) fn pose(path: &Path, line: usize, row: &str) -> Result<Pose> {
-    let values: [f64; 12] = numbers(path, line, row)?;
-    let matrix = Matrix3x4::from_row_slice(&values);
+    pose_of(path, line, &numbers(path, line, row)?)
+}
+
+/// The same of numbers that were read already.
+///
+/// # Errors
+/// [`Error::NotARotation`] or [`Error::Mirrors`] where `R` is no rotation.
+pub fn pose_of(path: &Path, line: usize, values: &[f64; 12]) -> Result<Pose> {
+    let matrix = Matrix3x4::from_row_slice(values);
     let rotation = rotation(path, line, &matrix.fixed_columns::<3>(0).into_owned())?;
     Ok(Pose::from_parts(Translation3::from(Vector3::new(values[3], values[7], values[11])), rotation))
 }
@@ -96,4 +111,19 @@ pub(crate) fn pose_row(pose: &Pose) -> String {
         let _ = write!(row, "{value:.9e}");
     }
     row
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_byte_order_mark_is_no_part_of_the_text() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("times.txt");
+        std::fs::write(&path, "\u{feff}0.0\n0.1\u{feff}\n").unwrap();
+        assert_eq!(read(&path).unwrap(), "0.0\n0.1\u{feff}\n");
+        std::fs::write(&path, b"\xef\xbb\xbf0.0\n\xff").unwrap();
+        assert!(matches!(read(&path), Err(Error::NotText { at: 7, .. })));
+    }
 }

@@ -89,10 +89,11 @@ impl Drive {
     /// where `labels` is given.
     ///
     /// # Errors
-    /// As [`Sequence::open`], its calibration and times; where there is no folder
+    /// As [`check_range`] and [`Sequence::open`], its calibration and times; where there is no folder
     /// `labels`; [`Error::EmptyFolder`] and [`Error::NoFrames`] where there is nothing
     /// to localize in.
     pub fn open(root: &Path, name: &str, labels: Option<&Path>, first: usize, last: Option<usize>) -> Result<Self> {
+        check_range(first, last)?;
         let sequence = Sequence::open(root, name)?;
         let camera = sequence.calibration()?.camera(CAMERA);
         let times_s = sequence.times_s()?;
@@ -113,9 +114,20 @@ impl Drive {
         Ok(Self { sequence, camera, times_s, frames })
     }
 
+    /// The times of the frames to localize, seconds.
+    pub fn frame_times_s(&self) -> Vec<f64> {
+        self.frames.iter().map(|&frame| self.times_s[frame]).collect()
+    }
+
     /// Whether a frame has an image, or label images alone.
     pub fn has_image(&self, frame: usize) -> bool {
         self.sequence.image_path(CAMERA, frame).is_file()
+    }
+
+    /// Whether its images tell how it moved, and not its label images: most frames have
+    /// one. A frame without says nothing of that, and the others do.
+    pub fn moves_by_images(&self) -> bool {
+        2 * self.frames.iter().filter(|&&frame| self.has_image(frame)).count() > self.frames.len()
     }
 
     /// The image of a frame.
@@ -251,6 +263,17 @@ impl Drive {
     /// The ground before a level camera of KITTI's height.
     fn ground(&self) -> Ground {
         Ground { horizon_px: self.camera.cy_px, focal_px: self.camera.fy_px, camera_height_m: CAMERA_HEIGHT_M }
+    }
+}
+
+/// Whether a range of frames may hold any.
+///
+/// # Errors
+/// [`Error::FirstAfterLast`] where it ends before it begins.
+pub fn check_range(first: usize, last: Option<usize>) -> Result<()> {
+    match last.filter(|last| *last < first) {
+        Some(last) => Err(Error::FirstAfterLast { first, last }),
+        None => Ok(()),
     }
 }
 

@@ -25,6 +25,22 @@ pub enum Error {
         /// The option.
         option: &'static str,
     },
+    /// Something that the paper's method cannot take in.
+    #[error(
+        "`--method paper` starts by GPS and then asks images alone, so `{option}` would change nothing; leave it out, or take `--method robust`"
+    )]
+    NotOfPaper {
+        /// The option, or the setting.
+        option: &'static str,
+    },
+    /// A range of frames that ends before it begins.
+    #[error("no frame is from {first} on and up to {last}: `--first` is after `--last`; exchange them")]
+    FirstAfterLast {
+        /// First frame that was asked for.
+        first: usize,
+        /// Last frame that was asked for.
+        last: usize,
+    },
     /// No frame of the range has an image or labels.
     #[error("frames {first} to {last} of {} hold none to localize in; it has frames {have_first} to {have_last}", folder.display())]
     NoFrames {
@@ -72,7 +88,27 @@ pub enum Error {
         /// Its columns.
         found: usize,
     },
-    /// A fix whose time is no frame's.
+    /// A row of a GPS file that begins with no frame.
+    #[error("{} line {line} is of frame {found}, which is none; give whole numbers from 0 on, and a 3x4 pose", path.display())]
+    GpsFrame {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What stands there.
+        found: f64,
+    },
+    /// A GPS file without a fix for any frame that is localized.
+    #[error("{} has no fix of the frames {first} to {last}; give one for the first frame", path.display())]
+    NoFix {
+        /// The file.
+        path: PathBuf,
+        /// First frame of the run.
+        first: usize,
+        /// Last frame of the run.
+        last: usize,
+    },
+    /// Fixes whose times are no frame's: here is the first.
     #[error("{} line {line} is at {time_s} s, but the nearest frame is {off_s:.3} s away; give times as in times.txt", path.display())]
     GpsTime {
         /// The file.
@@ -104,6 +140,26 @@ pub enum Error {
         /// Its time, seconds.
         time_s: f64,
     },
+    /// Odometry of which no motion can be told.
+    #[error("{} has fewer than two lines of `t_s,speed_m_s,yaw_rate_rad_s`, which tell no motion; give those of the drive, or leave `--odometry` out", path.display())]
+    NoOdometry {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Odometry of another time than the drive's.
+    #[error(
+        "{} tells of no step between frames: its lines are from {:.3} to {:.3} s, and the frames from {:.3} to {:.3} s; \
+         give times as in times.txt, or leave `--odometry` out",
+        path.display(), told_s[0], told_s[1], frames_s[0], frames_s[1]
+    )]
+    OdometryElsewhere {
+        /// The file.
+        path: PathBuf,
+        /// When it begins and ends, seconds.
+        told_s: [f64; 2],
+        /// When the first and the last frame were taken, seconds.
+        frames_s: [f64; 2],
+    },
     /// A result file without the columns of one.
     #[error("{} is no result of `localizer run`: line {line} {problem}; give its output folder or its estimates.csv", path.display())]
     BadResult {
@@ -114,13 +170,28 @@ pub enum Error {
         /// What is wrong.
         problem: String,
     },
+    /// Images of which no two can be compared.
+    #[error("the frames show no motion, for no two of them differ; give more of the drive (`--first`, `--last`)")]
+    NoMotion,
     /// A run that came to no pose.
     #[error(
         "no frame was localized: from the first position on no image shows what the map has; give images or labels that show its landmarks, and positions within metres (`--gps`)"
     )]
     NothingLocalized,
+    /// A run of which no frame is scored.
+    #[error(
+        "only {localized} of the frames were localized, and the first {}, which GPS starts, are not scored; give more of the drive (`--first`, `--last`)",
+        crate::eval::START_FRAMES
+    )]
+    NothingScored {
+        /// Frames that were localized.
+        localized: usize,
+    },
     /// Estimates and truth share no frame.
-    #[error("{} and {} share no frame from {first} on; give the truth of the same sequence", estimate.display(), truth.display())]
+    #[error(
+        "{} and {} share no frame from {first} {}; give the truth of the same sequence",
+        estimate.display(), truth.display(), last.map_or_else(|| "on".to_owned(), |last| format!("to {last}"))
+    )]
     NoCommonFrames {
         /// The estimates.
         estimate: PathBuf,
@@ -128,6 +199,8 @@ pub enum Error {
         truth: PathBuf,
         /// First frame that counts.
         first: usize,
+        /// Last frame that counts, where one is given.
+        last: Option<usize>,
     },
     /// A report that cannot be written as JSON.
     #[error("the report cannot be written as JSON: {message}; leave `--json` out")]

@@ -3,6 +3,7 @@
 use common::geometry::{Pose, local};
 use serde::Serialize;
 
+use crate::Error;
 use crate::estimate::Status;
 use crate::output::{Recorded, Timing};
 
@@ -133,6 +134,11 @@ pub struct Report {
     pub paper: PaperFigures,
     /// The errors of the frames.
     pub errors: Vec<FrameError>,
+}
+
+/// Why nothing of a run can be scored of which so many frames were localized.
+pub fn nothing_scored(localized: usize) -> Error {
+    if localized == 0 { Error::NothingLocalized } else { Error::NothingScored { localized } }
 }
 
 /// Scores the estimates that have a true pose (row = frame); none where no

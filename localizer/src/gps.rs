@@ -122,54 +122,97 @@ pub fn simulate(truth: &[Pose], config: &GpsConfig, seed: u64) -> Vec<GpsFix> {
         .collect()
 }
 
+/// What a file of fixes says.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FixFile {
+    /// The fixes by their frames.
+    pub fixes: BTreeMap<usize, GpsFix>,
+    /// The lines of those that belong to no frame.
+    pub astray_lines: Vec<usize>,
+}
+
+/// Which frame a row is of.
+enum Place {
+    Frame(usize),
+    /// The one that is nearest to a time, seconds.
+    Time(f64),
+}
+
 /// Reads fixes of given frames: rows `t x y z`, `t x y z qx qy qz qw` (TUM;
 /// the frame is the one of `times_s` that is nearest), `frame` and a 3x4 pose,
 /// or a 3x4 pose for each frame from 0 on (twelve `nan` for none). Only the
-/// horizontal position is used, and the heading where the row has one.
+/// horizontal position is used, and the heading where the row has one. A receiver
+/// is on before the camera and after it, and while it pauses: what belongs to no
+/// frame is left out.
 ///
 /// # Errors
-/// [`Error::GpsRow`] and [`Error::GpsTime`] at their line, and
-/// [`common::Error::Io`], [`common::Error::NotText`] or [`common::Error::BadNumber`].
-pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<BTreeMap<usize, GpsFix>> {
+/// [`Error::GpsRow`] and [`Error::GpsFrame`] at their line, [`Error::GpsTime`] where
+/// no fix belongs to any frame, and [`common::Error::Io`],
+/// [`common::Error::NotText`], [`common::Error::BadNumber`],
+/// [`common::Error::NotARotation`] or [`common::Error::Mirrors`].
+pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<FixFile> {
     let text = common::read_text(path)?;
-    let mut fixes = BTreeMap::new();
+    let mut file = FixFile::default();
+    let mut first_astray = None;
     let rows = text.lines().enumerate().map(|(i, row)| (i + 1, row.trim()));
     for (index, (line, row)) in rows.filter(|(_, row)| !row.is_empty() && !row.starts_with('#')).enumerate() {
         let values = numbers(path, line, row)?;
-        let position = |i: [usize; 3]| Point3::new(values[i[0]], values[i[1]], values[i[2]]);
-        let yaw =
-            |forward_x: f64, forward_z: f64| Some((forward_x.atan2(forward_z), config.heading_sigma_deg.to_radians()));
-        let (frame, position_map, heading) = match values.len() {
-            4 => (frame_at(path, line, values[0], times_s)?, position([1, 2, 3]), None),
-            8 => {
-                // Four zeros are how receivers say that they know no heading.
-                let quaternion = Quaternion::new(values[7], values[4], values[5], values[6]);
-                let rotation = UnitQuaternion::try_new(quaternion, LEAST_NORM);
-                let heading = rotation.map(|rotation| rotation * Vector3::z()).and_then(|f| yaw(f.x, f.z));
-                (frame_at(path, line, values[0], times_s)?, position([1, 2, 3]), heading)
-            }
-            12 if values.iter().all(|v| v.is_nan()) => continue,
-            12 => (index, position([3, 7, 11]), yaw(values[2], values[10])),
-            13 if values[0] < 0.0 || values[0].fract() != 0.0 => {
-                return Err(bad_number(path, line, &values[0].to_string()));
-            }
-            13 => (values[0] as usize, position([4, 8, 12]), yaw(values[3], values[11])),
-            found => return Err(Error::GpsRow { path: path.to_path_buf(), line, found }),
-        };
+        if values.len() == 12 && values.iter().all(|v| v.is_nan()) {
+            continue;
+        }
         if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
             return Err(bad_number(path, line, &bad.to_string()));
         }
-        fixes.insert(
-            frame,
-            GpsFix {
-                position_map,
-                horizontal_sigma_m: config.horizontal_sigma_m,
-                heading,
-                is_course: values.len() == 8,
-            },
-        );
+        let yaw =
+            |forward_x: f64, forward_z: f64| Some((forward_x.atan2(forward_z), config.heading_sigma_deg.to_radians()));
+        let (place, position, heading) = match *values.as_slice() {
+            [time_s, x, y, z] => (Place::Time(time_s), [x, y, z], None),
+            [time_s, x, y, z, i, j, k, w] => {
+                // Four zeros are how receivers say that they know no heading.
+                let rotation = UnitQuaternion::try_new(Quaternion::new(w, i, j, k), LEAST_NORM);
+                let heading = rotation.map(|rotation| rotation * Vector3::z()).and_then(|f| yaw(f.x, f.z));
+                (Place::Time(time_s), [x, y, z], heading)
+            }
+            [_, _, forward_x, x, _, _, _, y, _, _, forward_z, z] => {
+                (Place::Frame(index), [x, y, z], yaw(forward_x, forward_z))
+            }
+            [frame, _, _, forward_x, x, _, _, _, y, _, _, forward_z, z] => {
+                if frame < 0.0 || frame.fract() != 0.0 {
+                    return Err(Error::GpsFrame { path: path.to_path_buf(), line, found: frame });
+                }
+                (Place::Frame(frame as usize), [x, y, z], yaw(forward_x, forward_z))
+            }
+            _ => return Err(Error::GpsRow { path: path.to_path_buf(), line, found: values.len() }),
+        };
+        if let Some(matrix) = values.last_chunk::<12>().filter(|_| values.len() >= 12) {
+            common::pose_of(path, line, matrix)?;
+        }
+        let frame = match place {
+            Place::Frame(frame) => Some(frame).filter(|frame| *frame < times_s.len()),
+            Place::Time(time_s) => frame_at(time_s, times_s).map_err(|off_s| (time_s, off_s)).map_or_else(
+                |off| {
+                    first_astray.get_or_insert((line, off));
+                    None
+                },
+                Some,
+            ),
+        };
+        let Some(frame) = frame else {
+            file.astray_lines.push(line);
+            continue;
+        };
+        let fix = GpsFix {
+            position_map: Point3::from(position),
+            horizontal_sigma_m: config.horizontal_sigma_m,
+            heading,
+            is_course: values.len() == 8,
+        };
+        file.fixes.insert(frame, fix);
     }
-    Ok(fixes)
+    match first_astray.filter(|_| file.fixes.is_empty()) {
+        Some((line, (time_s, off_s))) => Err(Error::GpsTime { path: path.to_path_buf(), line, time_s, off_s }),
+        None => Ok(file),
+    }
 }
 
 /// The error of a number that is none.
@@ -186,21 +229,15 @@ pub(crate) fn numbers(path: &Path, line: usize, row: &str) -> Result<Vec<f64>> {
         .collect()
 }
 
-/// The frame whose time is nearest, at most half a frame away.
-fn frame_at(path: &Path, line: usize, time_s: f64, times_s: &[f64]) -> Result<usize> {
+/// The frame whose time is nearest, at most half a frame away; else how far away it
+/// is, seconds.
+fn frame_at(time_s: f64, times_s: &[f64]) -> std::result::Result<usize, f64> {
     let off = |frame: &usize| (times_s[*frame] - time_s).abs();
     let nearest = (0..times_s.len()).min_by(|a, b| off(a).total_cmp(&off(b)));
     let span_s = times_s.last().zip(times_s.first()).map_or(0.0, |(last, first)| last - first);
     let half_s = 0.5 * span_s / times_s.len().saturating_sub(1).max(1) as f64;
-    match nearest {
-        Some(frame) if off(&frame) <= half_s + 1e-9 => Ok(frame),
-        _ => Err(Error::GpsTime {
-            path: path.to_path_buf(),
-            line,
-            time_s,
-            off_s: nearest.map_or(f64::INFINITY, |frame| off(&frame)),
-        }),
-    }
+    let frame = nearest.ok_or(f64::INFINITY)?;
+    if off(&frame) <= half_s + 1e-9 { Ok(frame) } else { Err(off(&frame)) }
 }
 
 #[cfg(test)]
@@ -211,7 +248,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("gps.txt");
         std::fs::write(&path, text).unwrap();
-        read(&path, &[0.0, 0.1, 0.2, 0.3], &GpsConfig::default())
+        let file = read(&path, &[0.0, 0.1, 0.2, 0.3], &GpsConfig::default())?;
+        assert!(file.astray_lines.is_empty());
+        Ok(file.fixes)
     }
 
     #[test]
@@ -246,9 +285,36 @@ mod tests {
         assert!(matches!(read_text("0.0 1 2 3\n0.1 1 2\n"), Err(Error::GpsRow { line: 2, found: 3, .. })));
         assert!(matches!(read_text("9.0 1 2 3\n"), Err(Error::GpsTime { line: 1, .. })));
         assert!(read_text("0.0 1 x 3\n").unwrap_err().to_string().contains('x'));
+        assert!(read_text("nan 1 2 3\n").unwrap_err().to_string().contains("gps.txt:1: `NaN` is not a finite number"));
         for frame in ["-1", "2.5"] {
             let error = read_text(&format!("{frame} 1 0 0 5 0 1 0 6 0 0 1 7\n")).unwrap_err().to_string();
             assert!(error.contains(frame), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_fix_of_no_frame_costs_itself_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("gps.txt");
+        // Four frames, a pause of a second, four more.
+        let times_s = [0.0, 0.1, 0.2, 0.3, 1.3, 1.4, 1.5, 1.6];
+        std::fs::write(&path, "-3 1 2 3\n0.1 1 2 3\n# in the pause\n0.8 1 2 3\n1.4 1 2 3\n99 1 2 3\n").unwrap();
+        let file = read(&path, &times_s, &GpsConfig::default()).unwrap();
+        assert_eq!(file.fixes.keys().copied().collect::<Vec<_>>(), [1, 5]);
+        assert_eq!(file.astray_lines, [1, 4, 6]);
+        std::fs::write(&path, "1 1 0 0 5 0 1 0 6 0 0 1 7\n8 1 0 0 5 0 1 0 6 0 0 1 7\n").unwrap();
+        let file = read(&path, &times_s, &GpsConfig::default()).unwrap();
+        assert_eq!((file.fixes.len(), file.astray_lines), (1, vec![2]));
+    }
+
+    #[test]
+    fn a_pose_that_is_no_rotation_is_named_with_its_line() {
+        let good = "1 0 0 5 0 1 0 6 0 0 1 7";
+        let said = |row: &str| read_text(&format!("{row}\n")).unwrap_err().to_string();
+        // Twelve other numbers, none at all, a mirror.
+        for bad in ["1 2 3 5 0 1 0 6 0 0 1 7", "0 0 0 5 0 0 0 6 0 0 0 7", "1 0 0 5 0 1 0 6 0 0 -1 7"] {
+            assert!(said(&format!("{good}\n{bad}")).contains("gps.txt:2: the "), "{bad}");
+            assert!(said(&format!("0 {good}\n1 {bad}")).contains("gps.txt:2: the "), "{bad}");
         }
     }
 

@@ -109,6 +109,12 @@ struct Step {
     mean: Odometry,
 }
 
+/// Whether a row names columns: `nan` and `inf` are numbers, which are none here.
+fn is_of_names(row: &str) -> bool {
+    let first = row.split([',', ' ', '\t']).next().unwrap_or_default();
+    first.starts_with(char::is_alphabetic) && first.parse::<f64>().is_err()
+}
+
 impl OdometryLog {
     /// Reads lines `t_s,speed_m_s,yaw_rate_rad_s`, separated by commas or
     /// blanks, each the mean since the line before; times are those of the
@@ -116,14 +122,14 @@ impl OdometryLog {
     /// `#` are skipped.
     ///
     /// # Errors
-    /// [`Error::OdometryRow`] and [`Error::OdometryTime`] at their line, and
-    /// [`common::Error::Io`], [`common::Error::NotText`] or [`common::Error::BadNumber`].
+    /// [`Error::OdometryRow`] and [`Error::OdometryTime`] at their line,
+    /// [`Error::NoOdometry`] with fewer than two lines, and [`common::Error::Io`], [`common::Error::NotText`] or [`common::Error::BadNumber`].
     pub fn read(path: &Path) -> Result<Self> {
         let text = common::read_text(path)?;
         let mut rows: Vec<(f64, Odometry)> = Vec::new();
         for (i, row) in text.lines().map(str::trim).enumerate() {
             let line = i + 1;
-            if row.is_empty() || row.starts_with('#') || (i == 0 && row.starts_with(char::is_alphabetic)) {
+            if row.is_empty() || row.starts_with('#') || (i == 0 && is_of_names(row)) {
                 continue;
             }
             let values = crate::gps::numbers(path, line, row)?;
@@ -141,7 +147,7 @@ impl OdometryLog {
         // The first step began one step earlier, as far as one knows.
         let mut began_s = match rows.as_slice() {
             [(first_s, _), (second_s, _), ..] => 2.0 * first_s - second_s,
-            _ => return Ok(Self::default()),
+            _ => return Err(Error::NoOdometry { path: path.to_path_buf() }),
         };
         let mut log = Self::default();
         for (ended_s, mean) in rows {
@@ -183,6 +189,16 @@ impl OdometryLog {
     /// Whether it says nothing at all.
     pub fn is_empty(&self) -> bool {
         self.steps.is_empty()
+    }
+
+    /// When it begins and ends, seconds; none where it says nothing.
+    pub fn span_s(&self) -> Option<[f64; 2]> {
+        self.steps.first().zip(self.steps.last()).map(|(first, last)| [first.began_s, last.ended_s])
+    }
+
+    /// Of how many of the steps between these times, seconds, it tells the motion.
+    pub fn told(&self, times_s: &[f64]) -> usize {
+        times_s.windows(2).filter(|step| self.between(step[0], step[1]).is_some()).count()
     }
 
     /// The mean motion from one time to another, seconds; none where the log
@@ -266,12 +282,20 @@ mod tests {
         assert_eq!(log.between(1.1, 1.3), None);
         assert_eq!(log.between(1.1, 1.1), None);
         assert_eq!(OdometryLog::default().between(0.0, 1.0), None);
+        assert_eq!((log.told(&[0.8, 0.95, 1.05, 1.15, 1.25]), log.told(&[2.0, 2.1]), log.told(&[1.0])), (2, 0, 0));
+        let [began_s, ended_s] = log.span_s().unwrap();
+        assert!((began_s - 0.9).abs() < 1e-9 && (ended_s - 1.2).abs() < 1e-9);
     }
 
     #[test]
     fn a_bad_row_is_named_with_its_line() {
         assert!(matches!(read_text("0.02,10,0\n0.04,10\n"), Err(Error::OdometryRow { line: 2, found: 2, .. })));
         assert!(matches!(read_text("0.02,10,0\n0.02,10,0\n"), Err(Error::OdometryTime { line: 2, .. })));
+        assert!(read_text("nan,10,0\n0.02,10,0\n0.04,10,0\n").unwrap_err().to_string().contains(":1: `NaN`"));
+        // Since when the first line is meant, only a second one tells.
+        for none in ["", "t_s,speed_m_s,yaw_rate_rad_s\n", "0.02,10,0\n"] {
+            assert!(matches!(read_text(none), Err(Error::NoOdometry { .. })), "{none}");
+        }
         assert!(read_text("0.02,10,nan\n").unwrap_err().to_string().to_lowercase().contains("nan"));
         assert!(read_text("0.02,10,0\n0.04,ten,0\n").unwrap_err().to_string().contains("ten"));
     }

@@ -171,6 +171,7 @@ pub struct Timing {
 pub fn read_estimates(path: &Path) -> Result<Vec<Recorded>> {
     let leading: Vec<&str> = LEADING.split(',').collect();
     let rows = rows(path, &leading)?;
+    let mut before: Option<usize> = None;
     rows.iter()
         .map(|(line, words)| {
             let number = |i: usize| number(path, *line, words, i);
@@ -178,9 +179,13 @@ pub fn read_estimates(path: &Path) -> Result<Vec<Recorded>> {
             if (quaternion.norm() - 1.0).abs() > 1e-3 {
                 return Err(bad(path, *line, "has a quaternion that is not of unit length"));
             }
+            let frame = frame(path, *line, words)?;
+            if before.replace(frame).is_some_and(|before| before >= frame) {
+                return Err(bad(path, *line, format!("has frame {frame}, no later than the one above it")));
+            }
             let status = words.get(2).and_then(|word| Status::from_word(word));
             Ok(Recorded {
-                frame: number(0)? as usize,
+                frame,
                 map_from_camera: Pose::from_parts(
                     Translation3::new(number(3)?, number(4)?, number(5)?),
                     UnitQuaternion::from_quaternion(quaternion),
@@ -217,7 +222,7 @@ pub fn read_timing(path: &Path) -> Result<Vec<Timing>> {
         .iter()
         .map(|(line, words)| {
             let number = |i: usize| number(path, *line, words, i);
-            let frame = number(0)? as usize;
+            let frame = frame(path, *line, words)?;
             Ok(Timing { frame, maps_ms: number(1)?, features_ms: number(2)?, localize_ms: number(3)? })
         })
         .collect()
@@ -231,6 +236,12 @@ fn number(path: &Path, line: usize, words: &[String], column: usize) -> Result<f
     let word = words.get(column).map_or("", String::as_str);
     let value = word.parse::<f64>().ok().filter(|v| v.is_finite());
     value.ok_or_else(|| bad(path, line, format!("has `{word}` in column {}", column + 1)))
+}
+
+/// The frame of a row: neither -3 nor 1.5 is one.
+fn frame(path: &Path, line: usize, words: &[String]) -> Result<usize> {
+    let word = words.first().map_or("", String::as_str);
+    word.parse().map_err(|_| bad(path, line, format!("has `{word}` in column 1, which is no frame")))
 }
 
 /// The rows below a header that begins with `leading`, each with its line.
@@ -326,5 +337,10 @@ mod tests {
         let good = estimates_csv(&[result(0), result(1)]);
         std::fs::write(&path, good.trim_end().rsplit_once(',').unwrap().0).unwrap();
         assert!(matches!(read_estimates(&path), Err(Error::BadResult { line: 3, .. })));
+        for frame in ["-3", "1.5", "0", ""] {
+            std::fs::write(&path, good.replace("\n1,", &format!("\n{frame},"))).unwrap();
+            let said = read_estimates(&path).unwrap_err().to_string();
+            assert!(said.contains("line 3 has ") && said.contains(frame), "{said}");
+        }
     }
 }

@@ -78,8 +78,9 @@ impl<'a> PaperTracker<'a> {
             residual_rms_px: result.mean_residual_px,
             iterations: result.iterations,
             converged: result.accepted,
-            // The paper has no other word on its quality.
-            status: if result.accepted { Status::Ok } else { Status::Degraded },
+            // A small mean residual is all that the paper asks for, and wrong poses have it,
+            // too: nothing here verifies any, so none is called ok.
+            status: Status::Degraded,
             support: 0.0,
             margin: 0.0,
             time_sigma_s: 0.0,
@@ -125,6 +126,8 @@ mod tests {
             let input =
                 FrameInput { time_s: time_s(frame), features: &features, gps: fixes.get(frame), odometry: None };
             let estimate = tracker.step(&input).unwrap().unwrap();
+            // Right or not, nobody knows it.
+            assert_eq!(estimate.status, Status::Degraded);
             squares.push(local(&world.truth[frame], &estimate.map_from_camera).fixed_rows::<3>(0).norm_squared());
         }
         let rms_m = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();

@@ -5,7 +5,6 @@ use std::time::Instant;
 
 use common::geometry::PinholeCamera;
 
-use crate::Result;
 use crate::config::Config;
 use crate::estimate::PoseEstimate;
 use crate::features::Features;
@@ -16,6 +15,7 @@ use crate::output::Timing;
 use crate::paper_tracker::PaperTracker;
 use crate::projection::ImageSize;
 use crate::tracker::{FrameInput, Tracker};
+use crate::{Error, Result};
 
 /// How a frame is localized.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -24,6 +24,20 @@ pub enum Method {
     Robust,
     /// The paper's algorithm, with its repairs named in the source.
     Paper,
+}
+
+impl Method {
+    /// Whether the method takes in what is given besides images and a start, each with
+    /// the option or setting that gives it.
+    ///
+    /// # Errors
+    /// [`Error::NotOfPaper`] where it would pass over it.
+    pub fn check(self, besides: &[(bool, &'static str)]) -> Result<()> {
+        match besides.iter().find(|(is_given, _)| *is_given) {
+            Some((_, option)) if self == Self::Paper => Err(Error::NotOfPaper { option }),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// The localizer of either method.

@@ -45,6 +45,14 @@ use hypothesis::Hypothesis;
 use region::Region;
 use sight::Sight;
 
+/// Time after which nothing is known of where a vehicle went that nobody saw, seconds: at
+/// the speed of towns it is three hundred metres away, as far as it is ever searched. Moved
+/// on for a day, at the speed that it had, it would be beyond the Earth's other side.
+const LONGEST_UNTOLD_S: f64 = 30.0;
+/// The same where wheels and gyroscope tell: of minutes, one mean speed and one turn say
+/// little more than whether it stood.
+const LONGEST_TOLD_S: f64 = 300.0;
+
 /// What one frame brings.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameInput<'a> {
@@ -130,6 +138,7 @@ impl<'a> Tracker<'a> {
         if self.sight.shows_the_same && dt_s <= 0.0 && input.gps.is_none() {
             return Ok(self.said.as_ref());
         }
+        let dt_s = dt_s.min(if input.odometry.is_some() { LONGEST_TOLD_S } else { LONGEST_UNTOLD_S });
         self.clock.tick(dt_s, self.sight.shows_the_same, &self.config.clock);
         self.unfollowed_s += dt_s;
         let odometry = self.believed(dt_s, input.odometry);

@@ -57,16 +57,16 @@ pub fn watch(
     mut seen: impl FnMut(usize, &Seen) -> Result<()>,
 ) -> Result<Watched> {
     let mut image = image_size(0, 0);
-    let mut watcher: Option<Watcher> = None;
+    let is_on = config.visual_odometry.is_on;
+    let mut watcher = is_on.then(|| Watcher::new(drive, !drive.moves_by_images(), config));
     let mut seen_frames = Vec::new();
     drive.see_all(frames, source, &config.vision, |frame, found| {
         image = image_size(found.maps.width(), found.maps.height());
         seen(frame, &found)?;
         let time_s = drive.times_s[frame];
         let started = Instant::now();
-        if config.visual_odometry.is_on {
-            let of_first = || Watcher::new(drive, found.grey.is_none(), config);
-            watcher.get_or_insert_with(of_first).look(&found, time_s);
+        if let Some(watcher) = &mut watcher {
+            watcher.look(&found, time_s);
         }
         seen_frames.push(FrameFeatures {
             frame,
@@ -101,14 +101,18 @@ pub fn motion(
     deliveries: &[Delivery],
     config: &Config,
 ) -> Result<MotionOfImages> {
-    let first = deliveries.iter().find_map(|delivery| delivery.frame).filter(|_| config.visual_odometry.is_on);
-    let Some(first) = first else { return Ok(MotionOfImages::default()) };
-    let labels = labels.filter(|_| !drive.has_image(first));
+    let labels = labels.filter(|_| !drive.moves_by_images());
+    let is_told = |frame: usize| labels.is_some() || drive.has_image(frame);
+    let mut shown = deliveries.iter().filter_map(|delivery| delivery.frame).filter(|frame| is_told(*frame));
+    let Some(first) = shown.next().filter(|_| config.visual_odometry.is_on) else {
+        return Ok(MotionOfImages::default());
+    };
     let shown = drive.plane(first, labels, None)?;
     let black = Plane::zeros(shown.width(), shown.height());
     let mut watcher = Watcher::new(drive, labels.is_some(), config);
     for delivery in deliveries {
         match delivery.frame {
+            Some(frame) if !is_told(frame) => {}
             Some(frame) => watcher.step(&drive.plane(frame, labels, None)?, delivery.time_s),
             None => watcher.step(&black, delivery.time_s),
         }

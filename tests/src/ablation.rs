@@ -223,14 +223,13 @@ pub struct Row {
 }
 
 impl Row {
-    /// Localizes the drive without this step; none where nothing was localized.
+    /// Localizes the drive without this step.
     ///
     /// # Errors
-    /// As [`Trial::run`].
-    pub fn of(step: Step, whole: &Trial) -> localizer::Result<Option<Self>> {
+    /// As [`Trial::run`] and [`Trial::figures`].
+    pub fn of(step: Step, whole: &Trial) -> localizer::Result<Self> {
         let trial = step.without(whole);
-        let figures = trial.figures(&trial.run()?);
-        Ok(figures.map(|figures| Self { without: step.name(), figures }))
+        Ok(Self { without: step.name(), figures: trial.figures(&trial.run()?)? })
     }
 }
 

@@ -68,11 +68,12 @@ impl Seen {
         Ok(Self { drive, image, frames, motion, truth, config })
     }
 
-    /// Localizes the drive in a map from so many GPS starts.
+    /// Localizes the drive in a map from so many GPS starts; none where no frame is
+    /// after the start.
     ///
     /// # Errors
     /// What the localizer says; a map in memory gives it no reason.
-    pub fn measure(&self, map: &SemanticMap, starts: u64) -> Result<Measured, String> {
+    pub fn measure(&self, map: &SemanticMap, starts: u64) -> Result<Option<Measured>, String> {
         let mut map = LocalMap::whole(map.clone());
         let truth: Vec<Option<Pose>> = self.truth.iter().copied().map(Some).collect();
         let mut errors: Vec<FrameError> = Vec::new();
@@ -86,18 +87,21 @@ impl Seen {
             let scored: Vec<Recorded> = results.iter().skip(START_FRAMES).map(Recorded::from).collect();
             errors.extend(score(&scored, &truth, &[]).into_iter().flat_map(|report| report.errors));
         }
-        let count = errors.len().max(1) as f64;
+        if errors.is_empty() {
+            return Ok(None);
+        }
+        let count = errors.len() as f64;
         let rms = |value: &dyn Fn(&FrameError) -> f64| {
             (errors.iter().map(|error| value(error).powi(2)).sum::<f64>() / count).sqrt()
         };
-        Ok(Measured {
+        Ok(Some(Measured {
             position_m: rms(&FrameError::position_m),
             lateral_m: rms(&|error| error.lateral_m),
             longitudinal_m: rms(&|error| error.longitudinal_m),
             angle_rad: rms(&|error| error.angle_rad),
             worst_m: errors.iter().map(FrameError::position_m).fold(0.0, f64::max),
             under_half_metre: errors.iter().filter(|error| error.position_m() < 0.5).count() as f64 / count,
-        })
+        }))
     }
 }
 

@@ -252,19 +252,19 @@ pub struct Row {
 }
 
 impl Row {
-    /// Localizes the drive with this fault; none where nothing was localized.
+    /// Localizes the drive with this fault.
     ///
     /// # Errors
-    /// As [`Trial::run`].
-    pub fn of(fault: Fault, clean: &Trial, seed: u64) -> localizer::Result<Option<Self>> {
+    /// As [`Trial::run`] and [`Trial::figures`].
+    pub fn of(fault: Fault, clean: &Trial, seed: u64) -> localizer::Result<Self> {
         let Faulty { trial, ends, .. } = fault.applied(clean, seed).look_again()?;
         let results = trial.run()?;
         let errors = trial.errors(&results);
-        Ok(trial.figures(&results).map(|figures| Self {
+        Ok(Self {
             fault: fault.name(),
-            figures,
+            figures: trial.figures(&results)?,
             recovered_after: ends.iter().map(|&end| recovered_after(end, &results, &errors)).collect(),
-        }))
+        })
     }
 
     /// The slowest recovery as a word.

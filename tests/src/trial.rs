@@ -12,7 +12,7 @@ use localizer::cli::input::{InputArgs, simulated};
 use localizer::config::Config;
 use localizer::drive::Drive;
 use localizer::estimate::Status;
-use localizer::eval::{FrameError, LOST_M, START_FRAMES, StageTime, score};
+use localizer::eval::{FrameError, LOST_M, START_FRAMES, StageTime, nothing_scored, score};
 use localizer::gps::GpsFix;
 use localizer::local_map::LocalMap;
 use localizer::odometry::OdometryLog;
@@ -112,7 +112,7 @@ impl LookArgs {
     /// Where an option is missing or a file cannot be read.
     pub fn read(&self) -> localizer::Result<Option<Trial>> {
         let Some(mut config) = self.config.load()? else { return Ok(None) };
-        let wheels = self.odometry.as_deref().map(OdometryLog::read).transpose()?;
+        let wheels = self.input.read_odometry(self.odometry.as_deref())?;
         let images = Images {
             root: self.input.kitti.clone().unwrap_or_default(),
             sequence: self.input.sequence.clone(),
@@ -160,8 +160,15 @@ impl Trial {
         results.iter().filter_map(error).collect()
     }
 
-    /// The figures of a run; none where nothing was localized after the start.
-    pub fn figures(&self, results: &[FrameResult]) -> Option<Figures> {
+    /// The figures of a run.
+    ///
+    /// # Errors
+    /// Where nothing was localized after the start.
+    pub fn figures(&self, results: &[FrameResult]) -> localizer::Result<Figures> {
+        self.figures_after_start(results).ok_or_else(|| nothing_scored(results.len()))
+    }
+
+    fn figures_after_start(&self, results: &[FrameResult]) -> Option<Figures> {
         let scored = results.get(START_FRAMES..)?;
         let recorded: Vec<Recorded> = scored.iter().map(Recorded::from).collect();
         let truth: Vec<Option<Pose>> = self.truth.iter().copied().map(Some).collect();
@@ -176,7 +183,7 @@ impl Trial {
             under_half_metre: report.share_under_half_metre,
             flagged: 1.0 - ok as f64 / count,
             lost: lost as f64 / count,
-            mean_nees: report.trust.map(|trust| trust.mean_nees),
+            mean_nees: report.trust.and_then(|trust| trust.nees).map(|nees| nees.mean_nees),
             is_lost_at_end: report.errors.last().is_none_or(|error| error.position_m() > LOST_M),
             hazards: hazards.map(|(result, error)| Hazard::new(result, error)).collect(),
             time: report.localize,

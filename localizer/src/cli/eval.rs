@@ -6,7 +6,8 @@ use clap::Args;
 use common::geometry::Pose;
 use common::trajectory::Trajectory;
 
-use crate::eval::trust::{ALERT_LIMIT_M, Trust};
+use crate::drive::check_range;
+use crate::eval::trust::{ALERT_LIMIT_M, Nees, Trust};
 use crate::eval::turn::ConstantTurn;
 use crate::eval::{Report, StageTime, score};
 use crate::output::{Recorded, Timing, read_estimates, read_timing};
@@ -37,8 +38,14 @@ pub struct EvalArgs {
 }
 
 pub fn execute(args: &EvalArgs) -> Result<bool> {
+    check_range(args.first, args.last)?;
     let truth = read_truth(&args.truth)?;
-    let (mut estimates, mut timing) = read(args, truth.len())?;
+    let (mut estimates, mut timing) = read(args)?;
+    for (path, is_empty) in [(&args.estimate, estimates.is_empty()), (&args.truth, truth.is_empty())] {
+        if is_empty {
+            return Err(common::Error::NoPoses { path: path.clone() }.into());
+        }
+    }
     let last = args.last.unwrap_or(usize::MAX);
     estimates.retain(|e| (args.first..=last).contains(&e.frame));
     timing.retain(|t| (args.first..=last).contains(&t.frame));
@@ -46,6 +53,7 @@ pub fn execute(args: &EvalArgs) -> Result<bool> {
         estimate: args.estimate.clone(),
         truth: args.truth.clone(),
         first: args.first,
+        last: args.last,
     })?;
     if args.json {
         let text = serde_json::to_string_pretty(&report).map_err(|e| Error::Json { message: e.to_string() })?;
@@ -73,7 +81,7 @@ fn by_frame(trajectory: &Trajectory) -> Vec<Option<Pose>> {
     (0..frames).map(|frame| trajectory.at_frame(frame).map(|stamp| stamp.map_from_camera)).collect()
 }
 
-fn read(args: &EvalArgs, frames: usize) -> Result<(Vec<Recorded>, Vec<Timing>)> {
+fn read(args: &EvalArgs) -> Result<(Vec<Recorded>, Vec<Timing>)> {
     let path = &args.estimate;
     if path.is_dir() {
         let timing = path.join("timing.csv");
@@ -84,12 +92,11 @@ fn read(args: &EvalArgs, frames: usize) -> Result<(Vec<Recorded>, Vec<Timing>)> 
         return Ok((read_estimates(path)?, Vec::new()));
     }
     let trajectory = if columns(path)? == 8 {
-        // Without times a TUM file counts its frames from the truth's first.
         let times_s = match &args.times {
             Some(times) => common::kitti::read_times(times)?,
             None => return Err(Error::MissingOption { option: "--times" }),
         };
-        Trajectory::read_tum(path, &times_s[..frames.min(times_s.len())])?
+        Trajectory::read_tum(path, &times_s)?
     } else {
         read_rows(path)?
     };
@@ -151,15 +158,17 @@ fn table(report: &Report) -> String {
 
 /// What the covariances are worth, as lines.
 fn trust_lines(trust: &Trust) -> [String; 2] {
-    let [low, high] = trust.nees_bounds;
+    let nees = trust.nees.map_or_else(
+        || "of none: no frame is called ok with a covariance that can be one".to_owned(),
+        |Nees { mean_nees, independent, nees_bounds: [low, high], share_within }| {
+            let under = 100.0 * share_within;
+            format!(
+                "{mean_nees:>10.2}   of ok frames; 6 expected, {low:.2} to {high:.2} of {independent:.0} independent; {under:.1} % under 12.6"
+            )
+        },
+    );
     [
-        format!(
-            "{:<24}{:>10.2}   of ok frames; 6 expected, {low:.2} to {high:.2} of {:.0} independent; {:.1} % under 12.6",
-            "NEES mean",
-            trust.mean_nees,
-            trust.independent,
-            100.0 * trust.share_within
-        ),
+        format!("{:<24}{nees}", "NEES mean"),
         format!(
             "{:<24}{} available, {} misleading, {} hazardous (95 %, alert limit {} m)",
             "claims", trust.available, trust.misleading, trust.hazardous, ALERT_LIMIT_M

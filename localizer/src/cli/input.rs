@@ -9,8 +9,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::config::Config;
 use crate::drive::{Drive, Seen, Source};
-use crate::gps::{GpsFix, simulate};
+use crate::gps::{self, FixFile, GpsFix, simulate};
 use crate::local_map::LocalMap;
+use crate::odometry::OdometryLog;
 use crate::projection::ImageSize;
 use crate::run::FrameFeatures;
 use crate::vision::network::Runtime;
@@ -77,6 +78,24 @@ impl InputArgs {
         Drive::open(&root, &self.sequence, self.labels.as_deref(), self.first, self.last)
     }
 
+    /// What a log says of wheels and gyroscope, where one is given.
+    ///
+    /// # Errors
+    /// As [`OdometryLog::read`] and [`Drive::open`], and [`Error::OdometryElsewhere`]
+    /// where it says nothing of the drive: images would be passed over for it.
+    pub fn read_odometry(&self, path: Option<&Path>) -> Result<Option<OdometryLog>> {
+        let Some(path) = path else { return Ok(None) };
+        let log = OdometryLog::read(path)?;
+        let times_s = self.open_drive()?.frame_times_s();
+        let ends = log.span_s().zip(times_s.first().copied().zip(times_s.last().copied()));
+        match ends {
+            Some((told_s, (first_s, last_s))) if times_s.len() > 1 && log.told(&times_s) == 0 => {
+                Err(Error::OdometryElsewhere { path: path.to_path_buf(), told_s, frames_s: [first_s, last_s] })
+            }
+            _ => Ok(Some(log)),
+        }
+    }
+
     /// Where the features come from.
     ///
     /// # Errors
@@ -120,7 +139,7 @@ impl InputArgs {
 /// Simulated fixes on the first of `frames`.
 ///
 /// # Errors
-/// As [`started`].
+/// [`Error::NoStart`] where there is none.
 pub fn simulated(
     frames: &[FrameFeatures],
     truth: &[Pose],
@@ -135,18 +154,37 @@ pub fn simulated(
     let poses: Vec<Pose> = starts.iter().map(|(_, pose)| *pose).collect();
     let fixes = simulate(&poses, &config.gps, seed);
     started(frames, starts.iter().map(|(frame, _)| *frame).zip(fixes).collect())
+        .map_err(|(first, last)| Error::NoStart { first, last })
 }
 
-/// The fixes, if one of them lies on the frames.
+/// The fixes of a file; says how many of them are of no frame.
 ///
 /// # Errors
-/// [`Error::NoStart`] where none does.
-pub fn started(frames: &[FrameFeatures], fixes: BTreeMap<usize, GpsFix>) -> Result<BTreeMap<usize, GpsFix>> {
-    let ends = frames.first().zip(frames.last()).map_or((0, 0), |(first, last)| (first.frame, last.frame));
-    if frames.iter().any(|seen| fixes.contains_key(&seen.frame)) {
-        return Ok(fixes);
+/// As [`gps::read`], and [`Error::NoFix`] where none lies on the frames.
+pub fn read_fixes(input: &Input, path: &Path, config: &Config) -> Result<BTreeMap<usize, GpsFix>> {
+    let FixFile { fixes, astray_lines } = gps::read(path, &input.drive.times_s, &config.gps)?;
+    let fixes = started(&input.frames, fixes).map_err(|(first, last)| Error::NoFix {
+        path: path.to_path_buf(),
+        first,
+        last,
+    })?;
+    if let Some(line) = astray_lines.first() {
+        common::say!(
+            "{}: of no frame and left out are fixes in {} lines, the first in line {line}",
+            path.display(),
+            astray_lines.len()
+        );
     }
-    Err(Error::NoStart { first: ends.0, last: ends.1 })
+    Ok(fixes)
+}
+
+/// The fixes, if one of them lies on the frames; else which frames these are.
+fn started(
+    frames: &[FrameFeatures],
+    fixes: BTreeMap<usize, GpsFix>,
+) -> std::result::Result<BTreeMap<usize, GpsFix>, (usize, usize)> {
+    let ends = frames.first().zip(frames.last()).map_or((0, 0), |(first, last)| (first.frame, last.frame));
+    if frames.iter().any(|seen| fixes.contains_key(&seen.frame)) { Ok(fixes) } else { Err(ends) }
 }
 
 /// A bar on a terminal, nothing elsewhere.

@@ -8,9 +8,9 @@ use clap::Args;
 
 use super::ConfigArgs;
 use super::input::progress;
-use crate::Result;
 use crate::drive::Drive;
 use crate::odometry::Odometry;
+use crate::{Error, Result};
 
 /// Arguments of `localizer motion`.
 #[derive(Debug, Args)]
@@ -51,6 +51,9 @@ struct Step {
 
 pub fn execute(args: &MotionArgs) -> Result<bool> {
     let Some(config) = args.config.load()? else { return Ok(true) };
+    if let Some(path) = &args.out {
+        common::atomic_file::check(path)?;
+    }
     let root = super::required(args.kitti.as_ref(), "--kitti")?;
     let drive = Drive::open(&root, &args.sequence, args.labels.as_deref(), args.first, args.last)?;
     let truth = args.truth.as_ref().map(|path| drive.sequence.poses_from(path)).transpose()?.unwrap_or_default();
@@ -86,6 +89,9 @@ pub fn execute(args: &MotionArgs) -> Result<bool> {
         bar.inc(1);
     }
     bar.finish_and_clear();
+    if steps.is_empty() {
+        return Err(Error::NoMotion);
+    }
     if let Some(path) = &args.out {
         common::atomic_file::write(path, csv.as_bytes())?;
     }

@@ -6,15 +6,17 @@ use clap::Args;
 use nalgebra::Point2;
 
 use super::ConfigArgs;
-use super::input::{Input, InputArgs, simulated, started};
+use super::input::{Input, InputArgs, read_fixes, simulated};
 use crate::estimate::Status;
-use crate::odometry::OdometryLog;
 use crate::overlay::{self, ProjectedShape};
 use crate::preselect::{Candidates, Lookup, Reach};
 use crate::projection::View;
 use crate::run::{FrameResult, Localizer, Method, localize};
 use crate::watch::odometry;
-use crate::{Error, Result, config::Config, gps, output};
+use crate::{Error, Result, config::Config, output};
+
+/// Steps at both ends of a drive in which a log of wheels begins and ends.
+const ENDS: usize = 2;
 
 /// Arguments of `localizer run`.
 #[derive(Debug, Args)]
@@ -54,9 +56,14 @@ pub struct RunArgs {
 
 pub fn execute(args: &RunArgs) -> Result<bool> {
     let Some(mut config) = args.config.load()? else { return Ok(true) };
+    let wheels = (args.odometry.is_some(), "--odometry");
+    args.method.check(&[wheels, (args.fuse_gps, "--fuse-gps"), (config.gps.fuse, "gps.fuse")])?;
     config.gps.fuse |= args.fuse_gps;
-    let wheels = args.odometry.as_deref().map(OdometryLog::read).transpose()?;
+    let wheels = args.input.read_odometry(args.odometry.as_deref())?;
     let out = super::required(args.out.as_ref(), "--out")?;
+    for folder in [Some(&out), args.save_labels.as_ref(), args.overlay.as_ref()].into_iter().flatten() {
+        common::atomic_file::check_folder(folder)?;
+    }
     // Where wheels tell the motion, the images are not asked.
     config.visual_odometry.is_on &= wheels.is_none();
     let mut input = args.input.read(&config, |_, frame, seen| {
@@ -65,9 +72,16 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
         }
         Ok(())
     })?;
+    if let Some((wheels, path)) = wheels.as_ref().zip(args.odometry.as_ref()) {
+        let times_s = input.drive.frame_times_s();
+        let (told, steps) = (wheels.told(&times_s), times_s.len() - 1);
+        if told + ENDS < steps {
+            common::say!("{}: {} of {steps} steps between frames are not told", path.display(), steps - told);
+        }
+    }
     let odometry = odometry(wheels, &input.motion, &mut config);
     let fixes = match &args.gps {
-        Some(path) => started(&input.frames, gps::read(path, &input.drive.times_s, &config.gps)?)?,
+        Some(path) => read_fixes(&input, path, &config)?,
         None => simulated(&input.frames, &args.input.true_poses(&input.drive)?, &config, args.gps_seed)?,
     };
     let localizer = Localizer::new(args.method, &mut input.map, &input.drive.camera, input.image, &config);
@@ -81,7 +95,11 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     output::write(&out, &results, input.map.numbering())?;
     if let Some(folder) = &args.overlay {
         create(folder)?;
-        for result in &results {
+        let (with, without): (Vec<_>, Vec<_>) = results.iter().partition(|result| input.drive.has_image(result.frame));
+        if !without.is_empty() {
+            common::say!("{} frames have no image to draw on", without.len());
+        }
+        for result in with {
             let image = input.drive.image(result.frame)?;
             let shapes = shapes(&mut input, &config, result)?;
             let features = input.frames.iter().find(|seen| seen.frame == result.frame);

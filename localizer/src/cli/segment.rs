@@ -42,6 +42,7 @@ pub struct SegmentArgs {
 
 pub fn execute(args: &SegmentArgs) -> Result<bool> {
     let networks: Vec<&Path> = [&args.pole_net, &args.lane_net].into_iter().flatten().map(PathBuf::as_path).collect();
+    common::atomic_file::check_folder(&args.out)?;
     let source = Source::open(&networks, args.runtime, None)?;
     let drive = Drive::open(&args.kitti, &args.sequence, None, args.first, args.last)?;
     let bar = progress(drive.frames.len(), "segment");

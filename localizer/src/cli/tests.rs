@@ -67,7 +67,8 @@ fn a_drive_is_localized_and_scored_from_files() {
     let at = folder.path().display();
     write_drive(folder.path(), 30);
     let drive = format!("--map {at}/90.csm --kitti {at}/kitti --sequence 90 --labels {at}/labels");
-    assert!(run_words(&format!("run {drive} --gps-seed 3 --out {at}/out")).unwrap());
+    // Has no images to draw on, and is localized all the same.
+    assert!(run_words(&format!("run {drive} --gps-seed 3 --out {at}/out --overlay {at}/drawn")).unwrap());
     let estimates = crate::output::read_estimates(&folder.path().join("out/estimates.csv")).unwrap();
     let truth: Vec<Option<Pose>> =
         common::kitti::read_poses(folder.path().join("kitti/poses/90.txt")).unwrap().into_iter().map(Some).collect();
@@ -79,8 +80,20 @@ fn a_drive_is_localized_and_scored_from_files() {
     }
     let tum = format!("eval --estimate {at}/out/poses.tum --truth {at}/kitti/poses/90.txt");
     assert!(matches!(run_words(&tum), Err(Error::MissingOption { option: "--times" })));
-    assert!(run_words(&format!("{tum} --times {at}/kitti/sequences/90/times.txt")).unwrap());
+    let times = format!("--times {at}/kitti/sequences/90/times.txt");
+    assert!(run_words(&format!("{tum} {times}")).unwrap());
+    // Frames of no true pose do not count, in whatever form the estimate is.
+    let rows = std::fs::read_to_string(folder.path().join("kitti/poses/90.txt")).unwrap();
+    std::fs::write(folder.path().join("10.txt"), rows.split_inclusive('\n').take(10).collect::<String>()).unwrap();
+    for estimate in ["out", "out/poses.tum"] {
+        assert!(run_words(&format!("eval --estimate {at}/{estimate} --truth {at}/10.txt {times}")).unwrap());
+    }
     assert!(run_words(&format!("trial {drive} --draws 1")).unwrap());
+    // Two frames are the start, and nothing of no draw is scored.
+    let start = run_words(&format!("trial {drive} --draws 1 --last 1")).unwrap_err().to_string();
+    assert!(start.contains("only 2 of the frames were localized, and the first 2,"), "{start}");
+    let none = Cli::try_parse_from(format!("localizer trial {drive} --draws 0").split_whitespace());
+    assert!(none.unwrap_err().to_string().contains("--draws"));
     let motion = format!("motion --kitti {at}/kitti --sequence 90 --labels {at}/labels");
     assert!(run_words(&format!("{motion} --truth {at}/kitti/poses/90.txt --out {at}/motion.csv")).unwrap());
     // The same input gives the same bytes.
@@ -101,18 +114,51 @@ fn wrong_input_gets_its_sentence() {
     let message = |words: &str| run_words(words).unwrap_err().to_string();
     assert!(message(&format!("run {drive} {labels}")).contains("--out"));
     assert!(message(&format!("run {drive} --out {at}/o")).contains("--pole-net"));
+    // What the paper's method would pass over.
+    let paper = format!("{drive} {labels} --method paper");
+    let odometry = format!("--odometry {at}/no.csv");
+    assert!(message(&format!("run {paper} {odometry} --out {at}/o")).contains("`--odometry` would change nothing"));
+    assert!(message(&format!("trial {paper} {odometry}")).contains("`--odometry` would change nothing"));
+    let fused = format!("run {paper} --gps {at}/gps.txt --fuse-gps --out {at}/o");
+    assert!(message(&fused).contains("`--fuse-gps` would change nothing"));
+    std::fs::write(folder.path().join("fuse.toml"), "[gps]\nfuse = true\n").unwrap();
+    let set = format!("trial {paper} --config {at}/fuse.toml");
+    assert!(message(&set).contains("`gps.fuse` would change nothing"));
     assert!(message(&format!("run --map {at}/no.csm --kitti {at}/kitti {labels} --out {at}/o")).contains("no.csm"));
     assert!(message(&format!("run {drive} {labels} --first 7 --out {at}/o")).contains("0 to 2"));
     assert!(message(&format!("run {drive} --labels {at}/nowhere --out {at}/o")).contains("nowhere"));
     std::fs::write(folder.path().join("gps.txt"), "0.0 1 2\n").unwrap();
     assert!(message(&format!("run {drive} {labels} --gps {at}/gps.txt --out {at}/o")).contains("line 1"));
     std::fs::write(folder.path().join("gps.txt"), "").unwrap();
-    assert!(message(&format!("run {drive} {labels} --gps {at}/gps.txt --out {at}/o")).contains("0 to 2"));
+    let none = message(&format!("run {drive} {labels} --gps {at}/gps.txt --out {at}/o"));
+    assert!(none.contains("gps.txt has no fix of the frames 0 to 2"), "{none}");
     std::fs::write(folder.path().join("c.toml"), "[robust]\nmax_runds = 3\n").unwrap();
     assert!(message(&format!("run --config {at}/c.toml")).contains("max_rounds"));
     let eval = format!("eval --estimate {at}/kitti/poses/90.txt --truth {at}/kitti/poses/90.txt --first 9");
-    assert!(message(&eval).contains("share no frame"));
+    assert!(message(&eval).contains("share no frame from 9 on"));
+    assert!(message(&format!("{eval} --last 12")).contains("share no frame from 9 to 12"));
+    std::fs::write(folder.path().join("none.txt"), "# no pose\n").unwrap();
+    let poses = format!("{at}/kitti/poses/90.txt");
+    for (estimate, truth) in [(format!("{at}/none.txt"), poses.clone()), (poses, format!("{at}/none.txt"))] {
+        assert!(message(&format!("eval --estimate {estimate} --truth {truth}")).contains("none.txt holds no pose"));
+    }
+    for backward in [eval, format!("run {drive} {labels} --first 9 --out {at}/o")] {
+        assert!(message(&format!("{backward} --last 4")).contains("`--first` is after `--last`"));
+    }
     assert!(!folder.path().join("o").exists());
+    // Found before the drive is, which is not there.
+    std::fs::write(folder.path().join("file"), "").unwrap();
+    for out in ["--out AT/file", "--out AT/file/o", "--out AT/o --overlay AT/file", "--out AT/o --save-labels AT/file"]
+    {
+        let words = format!("run --map {at}/no.csm --kitti {at}/no {labels} {out}").replace("AT", &at.to_string());
+        assert!(message(&words).contains("file is a file; give another folder"), "{out}");
+    }
+    let motion = format!("motion --kitti {at}/no --out {at}/nowhere/motion.csv");
+    assert!(message(&motion).contains("nowhere does not exist; create it first"));
+    let still = format!("motion --kitti {at}/kitti --sequence 90 {labels} --last 0 --out {at}/o");
+    assert!(message(&still).contains("the frames show no motion"));
+    assert!(!folder.path().join("o").exists());
+    assert!(message(&format!("segment --kitti {at}/no --out {at}/file")).contains("file is a file"));
 }
 
 #[test]

@@ -7,12 +7,12 @@ use common::geometry::Pose;
 
 use super::ConfigArgs;
 use super::input::{Input, InputArgs, simulated};
-use crate::eval::{LOST_M, Report, START_FRAMES, StageTime, score};
+use crate::eval::{LOST_M, Report, START_FRAMES, StageTime, nothing_scored, score};
 use crate::odometry::OdometryLog;
 use crate::output::{Recorded, Timing};
 use crate::run::{FrameResult, Localizer, Method, localize};
 use crate::watch::odometry;
-use crate::{Error, Result, config::Config};
+use crate::{Result, config::Config};
 
 /// Arguments of `localizer trial`.
 #[derive(Debug, Args)]
@@ -20,12 +20,12 @@ pub struct TrialArgs {
     #[command(flatten)]
     input: InputArgs,
     /// GPS starts, with the seeds 0, 1, ...
-    #[arg(long, value_name = "N", default_value_t = 20)]
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     draws: u64,
     /// Only this method; default: both.
     #[arg(long, value_enum)]
     method: Option<Method>,
-    /// Wheels and gyroscope, as of `run`.
+    /// Wheels and gyroscope, as of `run`; the paper's method asks images alone.
     #[arg(long, value_name = "FILE")]
     odometry: Option<PathBuf>,
     /// Print a row for each draw, too.
@@ -44,7 +44,10 @@ struct Draw {
 
 pub fn execute(args: &TrialArgs) -> Result<bool> {
     let Some(mut config) = args.config.load()? else { return Ok(true) };
-    let wheels = args.odometry.as_deref().map(OdometryLog::read).transpose()?;
+    if let Some(method) = args.method {
+        method.check(&[(args.odometry.is_some(), "--odometry"), (config.gps.fuse, "gps.fuse")])?;
+    }
+    let wheels = args.input.read_odometry(args.odometry.as_deref())?;
     // Where wheels tell the motion, the images are not asked.
     config.visual_odometry.is_on &= wheels.is_none();
     let mut input = args.input.read(&config, |_, _, _| Ok(()))?;
@@ -95,8 +98,7 @@ fn localize_once(
     let recorded: Vec<Recorded> = scored.iter().map(Recorded::from).collect();
     let timing: Vec<Timing> = scored.iter().map(FrameResult::timing).collect();
     let truth: Vec<Option<Pose>> = truth.iter().copied().map(Some).collect();
-    let ends = input.frames.first().zip(input.frames.last()).map_or((0, 0), |(a, b)| (a.frame, b.frame));
-    let report = score(&recorded, &truth, &timing).ok_or(Error::NoStart { first: ends.0, last: ends.1 })?;
+    let report = score(&recorded, &truth, &timing).ok_or_else(|| nothing_scored(results.len()))?;
     let lost = report.errors.last().is_some_and(|e| e.position_m() > LOST_M);
     Ok(Draw { report, localize_ms: timing.iter().map(|t| t.localize_ms).collect(), lost })
 }
@@ -105,7 +107,7 @@ const HEADER: &str = "method        RMS m  held m  lat m  lon m  ver m  max m  <
 
 /// A length in a column of six; where a run has left the map, its magnitude.
 fn metres(length_m: f64) -> String {
-    if length_m < 1000.0 || length_m.is_nan() { format!("{length_m:>6.3}") } else { format!("{length_m:>6.0e}") }
+    if length_m < 1000.0 { format!("{length_m:>6.3}") } else { format!("{length_m:>6.0e}") }
 }
 
 /// One row over all draws: errors pooled, runs counted.
@@ -122,7 +124,7 @@ fn row(name: &str, draws: &[Draw]) -> String {
     // Of the draws that were not lost: a lost one may be anywhere.
     let held: Vec<f64> =
         draws.iter().filter(|d| !d.lost).flat_map(|d| &d.report.errors).map(|e| e.position_m().powi(2)).collect();
-    let held_m = if held.is_empty() { f64::NAN } else { (held.iter().sum::<f64>() / held.len() as f64).sqrt() };
+    let held_m = (!held.is_empty()).then(|| (held.iter().sum::<f64>() / held.len() as f64).sqrt());
     let runs = draws.len().max(1) as f64;
     let matches = draws.iter().filter_map(|d| d.report.mean_correspondences).sum::<f64>() / runs;
     let lost = draws.iter().filter(|d| d.lost).count();
@@ -133,7 +135,7 @@ fn row(name: &str, draws: &[Draw]) -> String {
     format!(
         "{name:<12} {} {} {} {} {} {} {:>9.1} {angle:>10.4} {most_rad:>8.4} {matches:>8.1} {lost:>5} {:>5.1} {off:>11} {median_ms:>10.3} {p99_ms:>8.2}",
         metres(rms(&|e| e.position_m())),
-        metres(held_m),
+        held_m.map_or_else(|| format!("{:>6}", "-"), metres),
         metres(rms(&|e| e.lateral_m)),
         metres(rms(&|e| e.longitudinal_m)),
         metres(rms(&|e| e.vertical_m)),

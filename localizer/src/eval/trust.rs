@@ -26,16 +26,9 @@ const CHI_SQUARE_95: f64 = 12.59;
 pub struct Trust {
     /// Frames that are called ok and have a covariance.
     pub ok: usize,
-    /// Mean of their squared errors normalised by the covariance: 6 where it
-    /// tells the truth, less where it is too careful.
-    pub mean_nees: f64,
-    /// So many of these errors are as good as independent: the same landmarks
-    /// are seen again, so errors last for some frames.
-    pub independent: f64,
-    /// 95 % bounds of the mean of so many.
-    pub nees_bounds: [f64; 2],
-    /// Share of them under the 95 % quantile, 12.6.
-    pub share_within: f64,
+    /// Their errors against their covariances; none where there is no such frame.
+    #[serde(flatten)]
+    pub nees: Option<Nees>,
     /// Of all frames: called ok, with a protection level under the alert limit.
     pub available: usize,
     /// Of these: the error is above the protection level.
@@ -44,19 +37,42 @@ pub struct Trust {
     pub hazardous: usize,
 }
 
+/// Squared errors normalised by the covariance (NEES).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Nees {
+    /// Mean of them: 6 where the covariance tells the truth, less where it is too
+    /// careful.
+    pub mean_nees: f64,
+    /// So many of these errors are as good as independent: the same landmarks
+    /// are seen again, so errors last for some frames.
+    pub independent: f64,
+    /// 95 % bounds of the mean of so many.
+    pub nees_bounds: [f64; 2],
+    /// Share of them under the 95 % quantile, 12.6.
+    pub share_within: f64,
+}
+
+impl Nees {
+    /// Of the squares; none without any.
+    fn of(squares: &[f64]) -> Option<Self> {
+        if squares.is_empty() {
+            return None;
+        }
+        let count = squares.len() as f64;
+        let independent = independent(squares);
+        Some(Self {
+            mean_nees: squares.iter().sum::<f64>() / count,
+            independent,
+            nees_bounds: [-1.96, 1.96].map(|z| 6.0 * mean_chi_square(6.0 * independent, z)),
+            share_within: squares.iter().filter(|nees| **nees <= CHI_SQUARE_95).count() as f64 / count,
+        })
+    }
+}
+
 impl Trust {
     /// Of estimates with their true poses; none where none has a covariance.
     pub fn of<'a>(pairs: impl Iterator<Item = (&'a Recorded, &'a Pose)>) -> Option<Self> {
-        let mut trust = Self {
-            ok: 0,
-            mean_nees: 0.0,
-            independent: 0.0,
-            nees_bounds: [0.0; 2],
-            share_within: 0.0,
-            available: 0,
-            misleading: 0,
-            hazardous: 0,
-        };
+        let mut trust = Self { ok: 0, nees: None, available: 0, misleading: 0, hazardous: 0 };
         let mut known = false;
         let mut squares = Vec::new();
         for (recorded, truth) in pairs {
@@ -66,9 +82,7 @@ impl Trust {
                 continue;
             };
             let error = local(&recorded.map_from_camera, truth);
-            let nees = error.dot(&factor.solve(&error));
-            squares.push(nees);
-            trust.share_within += f64::from(u8::from(nees <= CHI_SQUARE_95));
+            squares.push(error.dot(&factor.solve(&error)));
             let off_m = error.fixed_rows::<3>(0).norm();
             let level_m = protection_level_m(&covariance);
             if level_m <= ALERT_LIMIT_M {
@@ -78,11 +92,7 @@ impl Trust {
             }
         }
         trust.ok = squares.len();
-        let count = squares.len().max(1) as f64;
-        trust.mean_nees = squares.iter().sum::<f64>() / count;
-        trust.share_within /= count;
-        trust.independent = independent(&squares);
-        trust.nees_bounds = [-1.96, 1.96].map(|z| 6.0 * mean_chi_square(6.0 * trust.independent, z));
+        trust.nees = Nees::of(&squares);
         known.then_some(trust)
     }
 }
@@ -144,8 +154,9 @@ mod tests {
         ];
         let trust = Trust::of(all.iter().map(|r| (r, &truth))).unwrap();
         assert_eq!([trust.ok, trust.available, trust.misleading, trust.hazardous], [4, 3, 2, 1]);
-        assert!((trust.mean_nees - (4.0 + 16.0 + 64.0 + 2.56) / 4.0).abs() < 1e-9);
-        assert!((trust.share_within - 0.5).abs() < 1e-12);
+        let nees = trust.nees.unwrap();
+        assert!((nees.mean_nees - (4.0 + 16.0 + 64.0 + 2.56) / 4.0).abs() < 1e-9);
+        assert!((nees.share_within - 0.5).abs() < 1e-12);
     }
 
     #[test]
@@ -159,6 +170,15 @@ mod tests {
         // 95 % of the chi-squares of 60 degrees of freedom, from a table.
         let [low, high] = [-1.96, 1.96].map(|z| 60.0 * mean_chi_square(60.0, z));
         assert!((low - 40.48).abs() < 0.1 && (high - 83.30).abs() < 0.1, "{low} {high}");
+    }
+
+    #[test]
+    fn where_no_frame_is_called_ok_there_are_no_figures_of_those() {
+        let lost = recorded(0.8, 0.1, Status::Lost);
+        let trust = Trust::of([(&lost, &Pose::identity())].into_iter()).unwrap();
+        assert_eq!((trust.ok, trust.nees, trust.available), (0, None, 0));
+        let json = serde_json::to_string(&trust).unwrap();
+        assert!(json.contains("available") && !json.contains("nees"), "{json}");
     }
 
     #[test]

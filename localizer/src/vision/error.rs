@@ -116,6 +116,18 @@ pub enum Error {
         /// The file in which to describe it.
         description: PathBuf,
     },
+    /// A description of a network that says what there is not, or says it wrong.
+    #[error("{}:{line}: {message}; a description has {known}", path.display())]
+    BadDescription {
+        /// The file with the description.
+        path: PathBuf,
+        /// The line, counted from 1.
+        line: usize,
+        /// What is wrong there.
+        message: String,
+        /// All that may stand in one.
+        known: String,
+    },
     /// A network and its description that contradict each other.
     #[error("{} does not fit its description: {message} (its inputs and outputs are {signature}); correct {}", path.display(), description.display())]
     NetworkMismatch {

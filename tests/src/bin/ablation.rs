@@ -43,7 +43,7 @@ fn run(arguments: &Arguments) -> Outcome {
     }
     let mut rows = Vec::new();
     for &step in steps {
-        let row = Row::of(step, &whole)?.ok_or_else(|| format!("{}: no frame was localized", step.name()))?;
+        let row = Row::of(step, &whole).map_err(|error| format!("without `{}`: {error}", step.name()))?;
         if arguments.of.json {
             rows.push(row);
             continue;
@@ -66,16 +66,17 @@ const HEADER: &str =
 
 fn line(row: &Row) -> String {
     let figures = &row.figures;
+    let nees = figures.mean_nees.map_or_else(|| "-".to_owned(), |nees| format!("{nees:.1}"));
     let (median_ms, p99_ms) = figures.time.map_or((0.0, 0.0), |time| (time.median_ms, time.p99_ms));
     format!(
-        "{:<13} {:>7.3} {:>7.2} {:>9.1} {:>7.1} {:>10} {:>5.1} {:>16} {:>10.3} {:>8.2}",
+        "{:<13} {:>7.3} {:>7.2} {:>9.1} {:>7.1} {:>10} {:>5} {:>16} {:>10.3} {:>8.2}",
         row.without,
         figures.rms_m,
         figures.max_m,
         100.0 * figures.under_half_metre,
         100.0 * (1.0 - figures.flagged),
         figures.hazards.len(),
-        figures.mean_nees.unwrap_or(f64::NAN),
+        nees,
         if figures.is_lost_at_end { "yes" } else { "no" },
         median_ms,
         p99_ms

@@ -33,7 +33,7 @@ struct Arguments {
     #[arg(long, value_name = "BYTES,..", value_delimiter = ',', default_values_t = [512, 1024, 2048, 4096])]
     at: Vec<usize>,
     /// GPS starts, with the seeds 0, 1, ...; their errors are pooled.
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
     starts: u64,
     /// Also keep landmarks by size, by count and at random.
     #[arg(long)]
@@ -77,21 +77,23 @@ fn run(arguments: &Arguments) -> Outcome {
     for budget in arguments.at.iter().copied().chain([usize::MAX]) {
         let reduced = match reduce(whole, budget, &stored.config) {
             Ok(reduced) => reduced,
-            Err(error) => {
-                common::say!("{budget:>6} {error}");
+            // What it says is of `reduce --budget`, which is not asked for here.
+            Err(mapper::Error::BudgetTooSmall { least_bytes, roads, .. }) => {
+                common::say!("{budget:>6} no map fits: {roads} road stretches without any landmark take {least_bytes}");
                 continue;
             }
+            Err(error) => return Err(error.into()),
         };
         let used = reduced.bytes.len();
         let measured = seen.measure(&reduced.map, arguments.starts)?;
-        row(budget, "best", used, &reduced.map, reduced.detail.quantum_m, Some(&reduced.predicted), &measured);
+        row(budget, "best", used, &reduced.map, reduced.detail.quantum_m, Some(&reduced.predicted), measured.as_ref());
         if !arguments.naive || budget == usize::MAX {
             continue;
         }
         for (name, order) in [("by size", Naive::BySize), ("by count", Naive::ByCount), ("random", Naive::Random)] {
             let map = naive(whole, &reduced.detail, budget, order)?;
             let measured = seen.measure(&map, arguments.starts)?;
-            row(budget, name, budget, &map, reduced.detail.quantum_m, None, &measured);
+            row(budget, name, budget, &map, reduced.detail.quantum_m, None, measured.as_ref());
         }
     }
     Ok(())
@@ -112,7 +114,7 @@ fn row(
     map: &SemanticMap,
     quantum_m: f64,
     predicted: Option<&Accuracy>,
-    measured: &Measured,
+    measured: Option<&Measured>,
 ) {
     let budget = if budget == usize::MAX { "all".to_owned() } else { budget.to_string() };
     let counts = format!("{} {} {}", map.poles.len(), map.signs.len(), map.lanes.len());
@@ -120,13 +122,19 @@ fn row(
         || format!("{:>14} {:>7} {:>5}", "", "", ""),
         |p| format!("{:>14.3} {:>7.3} {:>5.3}", p.position_rms_m, p.lateral_m.median, p.longitudinal_m.median),
     );
-    common::say!(
-        "{budget:>6} {name:>10} {used:>6} {counts:>14} {quantum_m:>7} | {expected} | {:>14.3} {:>7.3} {:>5.3} {:>6.2} {:>6.2} {:>7.3}",
-        measured.position_m,
-        measured.lateral_m,
-        measured.longitudinal_m,
-        measured.angle_rad.to_degrees(),
-        measured.worst_m,
-        measured.under_half_metre
+    let found = measured.map_or_else(
+        || "no frame was localized".to_owned(),
+        |m| {
+            format!(
+                "{:>14.3} {:>7.3} {:>5.3} {:>6.2} {:>6.2} {:>7.3}",
+                m.position_m,
+                m.lateral_m,
+                m.longitudinal_m,
+                m.angle_rad.to_degrees(),
+                m.worst_m,
+                m.under_half_metre
+            )
+        },
     );
+    common::say!("{budget:>6} {name:>10} {used:>6} {counts:>14} {quantum_m:>7} | {expected} | {found}");
 }

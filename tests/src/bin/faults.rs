@@ -38,7 +38,7 @@ fn run(arguments: &Arguments) -> Outcome {
     }
     let mut rows = Vec::new();
     for &fault in faults {
-        let row = Row::of(fault, &clean, seed)?.ok_or_else(|| format!("{}: no frame was localized", fault.name()))?;
+        let row = Row::of(fault, &clean, seed).map_err(|error| format!("fault `{}`: {error}", fault.name()))?;
         if arguments.of.json {
             rows.push(row);
             continue;

@@ -21,8 +21,8 @@ struct Arguments {
     #[arg(long, value_name = "F")]
     frame: Option<usize>,
     /// Output folder; is created.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[arg(long, value_name = "DIR", required_unless_present = "print_config")]
+    out: Option<PathBuf>,
 }
 
 fn main() -> ExitCode {
@@ -30,15 +30,18 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Outcome {
-    let Some(trial) = arguments.of.read()? else { return Ok(()) };
+    arguments.out.as_ref().map(atomic_file::check_folder).transpose()?;
+    let Some((trial, out)) = arguments.of.read()?.zip(arguments.out.as_ref()) else { return Ok(()) };
     let results = trial.run()?;
+    if results.is_empty() {
+        return Err(localizer::Error::NothingLocalized.into());
+    }
     let middle = results.get(results.len() / 2).map(|result| result.frame);
     let frame = arguments.frame.or(middle).unwrap_or(0);
     let result = results.iter().find(|result| result.frame == frame);
     let result = result.ok_or_else(|| format!("frame {frame} was not localized; give another with `--frame`"))?;
     let matched = Matched::new(&trial, result)?
         .ok_or_else(|| format!("nothing is matched in frame {frame}; give another with `--frame`"))?;
-    let out = &arguments.out;
     std::fs::create_dir_all(out).map_err(|source| common::Error::Io { path: out.clone(), source })?;
     atomic_file::write(out.join("correspondences.csv"), correspondences(&results).as_bytes())?;
     atomic_file::write(out.join("iterations.csv"), matched.iterations().as_bytes())?;

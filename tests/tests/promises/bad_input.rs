@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use common::map::{EncodeOptions, SemanticMap};
 
-use crate::support::{CALIBRATION, Ran, build, plain, run, run_with, text};
+use crate::support::{CALIBRATION, Ran, build, plain, run, run_with, text, write_png};
 
 /// `mapper build` of every scan of sequence 04.
 fn build_of(root: &Path, more: &[&str]) -> Ran {
@@ -187,16 +187,6 @@ fn what_is_no_map() {
     maps.refused(b"hello, this is text", "no Waymark map");
 }
 
-/// An 8-bit image, grey or of three colours.
-fn write_png(path: &Path, (width, height): (u32, u32), colour: png::ColorType) {
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    let mut encoder = png::Encoder::new(std::fs::File::create(path).unwrap(), width, height);
-    encoder.set_color(colour);
-    encoder.set_depth(png::BitDepth::Eight);
-    let bytes = vec![0; (width * height) as usize * colour.samples()];
-    encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
-}
-
 /// `localizer run` in an empty map of the plain drive.
 fn localize(root: &Path, more: &[&str]) -> Ran {
     let map = root.join("empty.csm");
@@ -295,6 +285,15 @@ fn a_network_with_other_shapes() {
     std::fs::write(&network, sigmoid_network([1, 3, 4, 8])).unwrap();
     let words = ["--pole-net", text(&network)];
     localize(root.path(), &words).refused(&["tiny.onnx is no known network", "scores 1x3x4x8", "tiny.toml"]);
+    for (description, said) in [
+        ("widht = 8\n", "tiny.toml:1: there is no key `widht` (did you mean `width`?); a description has "),
+        ("\nwidth = 'wide'\n", "tiny.toml:2: "),
+    ] {
+        std::fs::write(network.with_extension("toml"), description).unwrap();
+        let ran = localize(root.path(), &words);
+        ran.refused(&[said, "`skip_top`", "under `[classes]`", "`vegetation`"]);
+        assert!(!ran.err.contains("--print-config"), "{ran:?}");
+    }
     std::fs::write(network.with_extension("toml"), "width = 1248\n[classes]\npole = [0]\n").unwrap();
     localize(root.path(), &words).refused(&["tiny.onnx", "width is 8 and the description says 1248", "tiny.toml"]);
 }
@@ -330,6 +329,14 @@ fn odometry_that_is_none() {
     localize(root.path(), &words).refused(&["odometry.csv line 3", "2 columns"]);
     std::fs::write(&file, "0.04,10,0\n0.02,10,0\n").unwrap();
     localize(root.path(), &words).refused(&["odometry.csv line 2", "sort the lines by time"]);
+    std::fs::write(&file, "0.04,10,0\n").unwrap();
+    localize(root.path(), &words).refused(&["odometry.csv has fewer than two lines", "leave `--odometry` out"]);
+    for frame in 0..3 {
+        write_png(&labels.join(format!("pole/{frame:06}.png")), (1226, 370), png::ColorType::Grayscale);
+    }
+    // Of the afternoon, where the drive begins at 0.
+    std::fs::write(&file, "54000.1,10,0\n54000.2,10,0\n").unwrap();
+    localize(root.path(), &words).refused(&["odometry.csv tells of no step", "from 0.000 to 0.200 s", "times.txt"]);
 }
 
 #[test]

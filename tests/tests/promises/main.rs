@@ -17,6 +17,7 @@ mod map_from_scans;
 mod measured_streets;
 mod merged_maps;
 mod motion;
+mod nothing_found;
 mod real_kitti;
 mod refined_poses;
 mod settings;

@@ -1,5 +1,9 @@
 //! The images tell how the camera moved.
 
+use localizer::config::Config;
+use localizer::drive::{Drive, Source};
+use localizer::watch::{Delivery, motion, watch};
+
 use crate::support::{run, text};
 
 #[test]
@@ -26,4 +30,25 @@ fn speed_and_turn_come_from_the_images_of_a_drive() {
     }
     let nowhere = folder.path().join("nowhere.txt");
     run("localizer", &[&words[..], &[text(&nowhere)]].concat()).refused(&["nowhere.txt", "No such file"]);
+}
+
+#[test]
+fn a_missing_image_costs_what_it_alone_would_tell() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("drive");
+    run("fixtures", &["generate", "--world", "street", "--frames", "8", "--images", "--out", text(&root)]).ok();
+    for missing in [0, 4] {
+        std::fs::remove_file(root.join(format!("sequences/00/image_2/{missing:06}.png"))).unwrap();
+    }
+    let labels = root.join("sequences/00/labels_2");
+    let drive = Drive::open(&root, "00", Some(&labels), 0, None).unwrap();
+    let (config, times_s) = (Config::default(), &drive.times_s);
+    let watched =
+        watch(&drive, drive.frames.clone(), &Source::Labels(labels.clone()), &config, |_, _| Ok(())).unwrap().motion;
+    let delivered = |&frame: &usize| Delivery { time_s: times_s[frame], frame: Some(frame) };
+    let deliveries: Vec<Delivery> = drive.frames.iter().map(delivered).collect();
+    assert_eq!(motion(&drive, Some(&labels), &deliveries, &config).unwrap(), watched);
+    let speed_m_s = |from: usize, to: usize| watched.log.between(times_s[from], times_s[to])?.speed_m_s;
+    assert!(speed_m_s(2, 3).is_some() && speed_m_s(3, 5).is_some() && speed_m_s(6, 7).is_some());
+    assert!(watched.log.between(times_s[0], times_s[1]).is_none());
 }

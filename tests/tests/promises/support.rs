@@ -46,6 +46,11 @@ pub fn run(program: &str, words: &[&str]) -> Ran {
     Ran::new(&Command::new(env!("CARGO_BIN_EXE_tool")).arg(program).args(words).output().unwrap())
 }
 
+/// Runs another program of the workspace, by its path.
+pub fn run_path(program: &str, words: &[&str]) -> Ran {
+    Ran::new(&Command::new(program).args(words).output().unwrap())
+}
+
 /// The same with a variable of the environment.
 pub fn run_with((name, value): (&str, &str), program: &str, words: &[&str]) -> Ran {
     let mut command = Command::new(env!("CARGO_BIN_EXE_tool"));
@@ -109,6 +114,16 @@ pub static DEMO: LazyLock<Demo> = LazyLock::new(|| {
     let output = Command::new(env!("CARGO_BIN_EXE_demo")).args(words).output().unwrap();
     Demo { said: Ran::new(&output).ok(), folder }
 });
+
+/// An 8-bit image, grey or of three colours.
+pub fn write_png(path: &Path, (width, height): (u32, u32), colour: png::ColorType) {
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    let mut encoder = png::Encoder::new(std::fs::File::create(path).unwrap(), width, height);
+    encoder.set_color(colour);
+    encoder.set_depth(png::BitDepth::Eight);
+    let bytes = vec![0; (width * height) as usize * colour.samples()];
+    encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
+}
 
 /// The calibration of a KITTI-like rig.
 pub const CALIBRATION: &str = "\

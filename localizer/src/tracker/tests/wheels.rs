@@ -27,3 +27,20 @@ fn a_gap_of_an_hour_after_the_first_image_takes_no_more_memory_than_any() {
     assert!(run.errors_m.iter().all(|error_m| error_m.is_finite()));
     assert_eq!(run.lies(), 0);
 }
+
+#[test]
+fn a_day_in_which_nobody_saw_it_takes_a_vehicle_no_further_than_some_minutes() {
+    let world = World::new(street());
+    let is_one = |_: usize, tracker: &mut Tracker<'_>| {
+        let said = tracker.said.as_ref();
+        assert!(said.is_none_or(|said| nalgebra::Cholesky::new(said.covariance).is_some()), "{said:?}");
+    };
+    for has_wheels in [false, true] {
+        let late_s = |frame: usize| if frame < 60 { 0.0 } else { 86_400.0 };
+        let gap = Mishap { late_s: &late_s, before: &is_one, has_wheels, ..NONE };
+        let run = run(&world, &GpsConfig::default(), 1, &gap);
+        let most_m = run.errors_m.iter().copied().fold(0.0, f64::max);
+        assert!(most_m < LONGEST_TOLD_S * Config::default().bank.max_speed_m_s, "{most_m} m");
+        assert_eq!(run.lies(), 0);
+    }
+}

@@ -54,7 +54,7 @@ impl Network {
         let signature = model.signature();
         let description = path.with_extension("toml");
         let spec = if description.exists() {
-            common::config::load::<NetworkSpec>(&description)?
+            NetworkSpec::read(&description)?
         } else {
             signature.known().ok_or_else(|| Error::UnknownNetwork {
                 path: path.into(),

@@ -1,10 +1,12 @@
 //! What one must know of a network to run it on an image: the content of
 //! `NAME.toml` beside `NAME.onnx`.
 
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
 
 use super::rows::STRIDE;
-use crate::vision::Class;
+use crate::vision::{Class, Error};
 
 /// Order of an input's or output's axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -146,6 +148,36 @@ impl Default for NetworkSpec {
 }
 
 impl NetworkSpec {
+    /// Reads `NAME.toml`.
+    ///
+    /// # Errors
+    /// [`Error::BadDescription`] at its line, and [`common::Error`] where it cannot be
+    /// read.
+    pub(super) fn read(path: &Path) -> Result<Self, Error> {
+        common::config::load(path).map_err(|error| {
+            // What is said of settings names an option that prints those of the localizer.
+            let (path, line, message) = match error {
+                common::Error::UnknownKey { path, line, key, nearest } => {
+                    let meant = nearest.map_or_else(String::new, |nearest| format!(" (did you mean `{nearest}`?)"));
+                    (path, line, format!("there is no key `{key}`{meant}"))
+                }
+                common::Error::BadConfig { path, line, message } => (path, line, message),
+                other => return other.into(),
+            };
+            Error::BadDescription { path, line, message, known: Self::keys() }
+        })
+    }
+
+    /// All that may stand in a description, as words.
+    fn keys() -> String {
+        let all = serde_json::to_value(Self::default()).unwrap_or_default();
+        let of = |table: Option<&serde_json::Value>| {
+            let keys = table.and_then(serde_json::Value::as_object).into_iter().flatten();
+            keys.map(|(key, _)| format!("`{key}`")).collect::<Vec<_>>().join(", ")
+        };
+        format!("{}, and under `[classes]` {}", of(Some(&all)), of(all.get("classes")))
+    }
+
     /// What a channel's byte is multiplied with, and what is added then.
     pub(super) fn gain_and_bias(&self, channel: usize) -> (f32, f32) {
         let (mean, std) = (self.mean[channel], self.std[channel]);

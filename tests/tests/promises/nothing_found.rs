@@ -1,0 +1,63 @@
+//! Figures of nothing are no figures: a drive in which nothing is localized gets a
+//! sentence.
+
+use std::path::Path;
+
+use common::map::{EncodeOptions, SemanticMap};
+
+use crate::support::{plain, run, run_path, text, write_png};
+
+const FAULTS: &str = env!("CARGO_BIN_EXE_faults");
+const ABLATION: &str = env!("CARGO_BIN_EXE_ablation");
+const BUDGET_CURVE: &str = env!("CARGO_BIN_EXE_budget-curve");
+const FIGURES: &str = env!("CARGO_BIN_EXE_figures");
+
+/// The words for the plain drive with black label images in an empty map.
+fn black(root: &Path) -> Vec<String> {
+    let (labels, map) = (root.join("labels"), root.join("empty.csm"));
+    for frame in 0..3 {
+        write_png(&labels.join(format!("pole/{frame:06}.png")), (1226, 370), png::ColorType::Grayscale);
+    }
+    common::map::write(&map, &SemanticMap::default(), &EncodeOptions::default()).unwrap();
+    let truth = root.join("poses/04.txt");
+    let words = ["--map", text(&map), "--kitti", text(root), "--sequence", "04", "--labels", text(&labels)];
+    [&words[..], &["--truth", text(&truth)]].concat().into_iter().map(str::to_owned).collect()
+}
+
+#[test]
+fn a_drive_in_which_nothing_is_localized_has_no_figures() {
+    let root = plain();
+    let drive = black(root.path());
+    let drive: Vec<&str> = drive.iter().map(String::as_str).collect();
+    let said = "no frame was localized: from the first position on";
+    run("localizer", &[&["trial", "--draws", "1"], &drive[..]].concat()).refused(&[said]);
+    run_path(FAULTS, &[&drive[..], &["--only", "black"]].concat()).refused(&["fault `black`: ", said]);
+    run_path(ABLATION, &[&drive[..], &["--only", "bank"]].concat()).refused(&["without `bank`: ", said]);
+    let out = root.path().join("figures");
+    run_path(FIGURES, &[&drive[..], &["--out", text(&out)]].concat()).refused(&[said]);
+    assert!(!out.exists());
+    let measured = run_path(BUDGET_CURVE, &[&drive[..], &["--at", "4096", "--starts", "1"]].concat()).ok();
+    assert_eq!(measured.matches("| no frame was localized").count(), 2, "{measured}");
+    let least = run_path(BUDGET_CURVE, &[&drive[..], &["--at", "1", "--starts", "1"]].concat()).ok();
+    assert!(least.contains("     1 no map fits: 0 road stretches") && !least.contains("--budget"), "{least}");
+}
+
+#[test]
+fn who_asks_for_all_settings_need_not_say_where_figures_go() {
+    assert!(run_path(FIGURES, &["--print-config"]).ok().contains("[vision.poles]"));
+    let missing = run_path(FIGURES, &["--map", "a.csm"]);
+    assert!(missing.code == 2 && missing.err.contains("--out"), "{missing:?}");
+    let root = plain();
+    let file = root.path().join("poses/04.txt");
+    run_path(FIGURES, &["--map", "a.csm", "--out", text(&file)]).refused(&["04.txt is a file; give another folder"]);
+}
+
+#[test]
+fn no_start_at_all_is_no_number_of_them() {
+    for (option, ran) in [
+        ("--draws", run("localizer", &["trial", "--draws", "0"])),
+        ("--starts", run_path(BUDGET_CURVE, &["--map", "a.csm", "--kitti", ".", "--starts", "0"])),
+    ] {
+        assert!(ran.code == 2 && ran.out.is_empty() && ran.err.contains(option), "{ran:?}");
+    }
+}

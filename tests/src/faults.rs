@@ -74,6 +74,9 @@ pub enum Fault {
     MapTurned,
     /// The same, with a GPS fix a second, from which it could be told.
     MapTurnedGps,
+    /// All poles, signs and lights of the map stand 5 to 25 m further on or back along
+    /// the way, each by its own: the map of a street of the same road and lines.
+    MapOther,
     /// The camera stands 0.1 m to the right of where the calibration has it,
     /// and is turned by 0.5 degrees to the right and up.
     Extrinsics,
@@ -157,6 +160,7 @@ impl Fault {
                 signals::turn_map(&mut trial, 1.0_f64.to_radians());
                 signals::fix_each_second(&mut trial, seed);
             }
+            Self::MapOther => signals::shift_objects(&mut trial, 5.0..25.0, &mut random),
             Self::Extrinsics => {
                 let right_and_up = UnitVector3::new_normalize(Vector3::new(1.0, 1.0, 0.0));
                 signals::move_camera(&mut trial, Vector3::new(0.1, 0.0, 0.0));

@@ -133,6 +133,18 @@ fn the_map_is_turned_about_the_middle_of_the_drive() {
 }
 
 #[test]
+fn in_the_map_of_another_street_all_stands_elsewhere_beside_the_same_road() {
+    let clean = clean();
+    let other = Fault::MapOther.applied(&clean, 1).trial;
+    let (before, after) = (&clean.map.poles[0], &other.map.poles[0]);
+    let moved = after.foot_map - before.foot_map;
+    assert!((5.0..26.0).contains(&moved.z.abs()) && moved.x.abs() < 1e-9 && moved.y.abs() < 1e-9, "{moved}");
+    assert!((after.length_m() - before.length_m()).abs() < 1e-9);
+    assert_eq!((&other.map.roads, &other.map.lanes), (&clean.map.roads, &clean.map.lanes));
+    assert_eq!(Fault::MapOther.applied(&clean, 1), Fault::MapOther.applied(&clean, 1));
+}
+
+#[test]
 fn a_turned_camera_shows_what_it_would_show() {
     let clean = clean();
     let turned = Fault::Extrinsics.applied(&clean, 1).trial;

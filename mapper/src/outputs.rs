@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use common::atomic_file::{folder_of, is_other};
+use common::atomic_file::{self, folder_of, is_other};
 
 use crate::error::{Error, Result};
 
@@ -13,21 +13,13 @@ pub type Output<'a> = (&'static str, &'a Path);
 /// asked before the work, not after it.
 ///
 /// # Errors
-/// [`common::Error::MissingFolder`], [`common::Error::Io`] where an output is a folder,
-/// [`Error::SameOutput`] and [`Error::OutputIsInput`].
+/// As [`atomic_file::check`], [`Error::SameOutput`] and [`Error::OutputIsInput`].
 pub fn check<'a>(outputs: &[Output], inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
     let mut taken: Vec<(&str, PathBuf)> = Vec::new();
     // Nothing is replaced in what is no file.
     for (option, path) in outputs.iter().filter(|(_, path)| !is_other(path)) {
         let (option, path) = (*option, path.to_path_buf());
-        let folder = folder_of(&path);
-        if !folder.is_dir() {
-            let folder = folder.to_path_buf();
-            return Err(common::Error::MissingFolder { path, folder }.into());
-        }
-        if path.is_dir() {
-            return Err(common::Error::io(&path)(std::io::ErrorKind::IsADirectory.into()).into());
-        }
+        atomic_file::check(&path)?;
         let file = whole(&path);
         if let Some((first, _)) = taken.iter().find(|(_, other)| *other == file) {
             return Err(Error::SameOutput { path, first: (*first).into(), second: option.into() });
@@ -71,7 +63,7 @@ mod tests {
         let over = said(&around.join("poses.txt"), &poses).unwrap_err();
         assert!(over.contains("poses.txt: it is read, and --trajectory would replace it"), "{over}");
         assert!(said(&folder.path().join("no/b.txt"), &poses).unwrap_err().contains("create it first"));
-        assert!(said(&folder.path().join("x"), &poses).unwrap_err().contains("x: is a directory"));
+        assert!(said(&folder.path().join("x"), &poses).unwrap_err().contains("x cannot be written: it is a folder"));
         #[cfg(unix)]
         {
             std::os::unix::fs::symlink(&poses, &b).unwrap();

@@ -1,14 +1,19 @@
 //! What the map says should be seen, against what is.
 
-/// Poles, signs and lights that should be seen, and those of them that were found.
-/// Each weighs as much as it was expected: that what is far and hardly ever found was
-/// not, or something else in its stead, tells little.
+/// Poles, signs and lights that should be seen, and those of them that were found: each
+/// weighs as much as it was expected, for that what is far and hardly ever found was not,
+/// or something else in its stead, tells little. And posts that are seen, of which the map
+/// knows.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Foreseen {
     /// Sum of the squared probabilities to find each.
     pub expected: f64,
     /// Sum of the probabilities of those found: more where the view is good.
     pub found: f64,
+    /// Posts that are seen.
+    pub seen: f64,
+    /// Those of them that are matched.
+    pub known: f64,
 }
 
 impl Foreseen {
@@ -25,18 +30,26 @@ impl Foreseen {
     pub fn add(&mut self, other: &Self, weight: f64) {
         self.expected += weight * other.expected;
         self.found += weight * other.found;
+        self.seen += weight * other.seen;
+        self.known += weight * other.known;
     }
 
     /// Keeps a share of what was counted.
     pub fn fade(&mut self, kept: f64) {
-        self.expected *= kept;
-        self.found *= kept;
+        for sum in [&mut self.expected, &mut self.found, &mut self.seen, &mut self.known] {
+            *sum *= kept;
+        }
     }
 
     /// Share of what was expected that was found, by Laplace's rule of succession: one
     /// half before anything was.
     pub fn share(&self) -> f64 {
         (self.found + 1.0) / (self.expected + 2.0)
+    }
+
+    /// Share of the posts that were seen that the map knows; none before any was.
+    pub fn known_share(&self) -> f64 {
+        self.known / (self.seen + 2.0)
     }
 }
 
@@ -71,6 +84,17 @@ mod tests {
             foreseen.count(unseen(0.1), true);
         }
         assert!(foreseen.share() < 0.2, "{}", foreseen.share());
+    }
+
+    #[test]
+    fn who_sees_half_of_it_may_still_know_what_it_sees() {
+        let mut foreseen = Foreseen::default();
+        assert!(foreseen.known_share().abs() < 1e-12, "nothing is known yet");
+        for i in 0..1000 {
+            foreseen.count(unseen(0.8), i % 10 < 4);
+        }
+        foreseen.add(&Foreseen { seen: 800.0, known: 400.0, ..Foreseen::default() }, 2.0);
+        assert!((foreseen.share() - 0.5).abs() < 0.01 && (foreseen.known_share() - 0.5).abs() < 0.01);
     }
 
     #[test]

@@ -351,12 +351,15 @@ impl Matcher {
         said + detection.all_unseen(self.apart) - detection.all_unseen(self.apart + unseen)
     }
 
-    /// The poles and signs that should be seen at the pose of [`Self::run`], and what
-    /// of them is matched.
-    pub fn foreseen(&self) -> Foreseen {
+    /// The poles and signs that should be seen at the pose of [`Self::run`], what of
+    /// them is matched, and what of the posts that are seen.
+    pub fn foreseen(&self, scene: &Scene<'_>) -> Foreseen {
         let mut foreseen = self.missed;
-        let found = self.matches.iter().filter(|found| found.landmark.is_object());
-        found.for_each(|found| foreseen.count(found.unseen, true));
+        for found in self.matches.iter().filter(|found| found.landmark.is_object()) {
+            foreseen.count(found.unseen, true);
+            foreseen.known += f64::from(matches!(found.landmark, LandmarkId::Pole(_)));
+        }
+        foreseen.seen = scene.features.poles.len() as f64;
         foreseen
     }
 

@@ -213,7 +213,7 @@ impl Associator {
             worth,
             gain: worth - prior_cost + occam,
             matches: self.matcher.matches.len(),
-            foreseen: self.matcher.foreseen(),
+            foreseen: self.matcher.foreseen(scene),
             rms_px,
             mean_square,
             iterations,

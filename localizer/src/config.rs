@@ -124,6 +124,8 @@ pub const LIMITS: &[Limits] = &[
     limits("health.search_sigma_rad", 1e-3, 0.5),
     limits("health.*search_sigma_m", 0.1, 100.0),
     limits("health.foreseen_memory_m", 0.1, 1e5),
+    limits("health.least_foreseen*", 0.0, 1.0),
+    limits("health.enough_known", 0.0, 1.0),
     limits("health.*", 0.0, 1e9),
     limits("gps.heading_sigma_deg", 0.1, 180.0),
     limits("gps.horizontal_sigma_m", 0.01, 1000.0),

@@ -222,3 +222,22 @@ fn the_map_of_another_street_is_seldom_believed() {
     assert!(else_believed > 60 && 4 * believed < else_believed, "{believed} of {else_believed}");
     assert_eq!(ok_frames(1, None), ok_frames(1, Some(0.0)));
 }
+
+/// A motorway: its lines alone, which nothing tells apart along the way, and no post.
+#[test]
+fn a_map_that_promises_nothing_but_lines_is_missed_nothing_of() {
+    let mut world = World::new(street());
+    (world.map.poles, world.map.signs) = (Vec::new(), Vec::new());
+    let config = Config::default();
+    let mut map = LocalMap::whole(world.map.clone());
+    let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, &config);
+    let fixes = simulate(&world.truth[..2], &GpsConfig::default(), 1);
+    for frame in 0..60 {
+        let (time_s, features) = (time_s(frame), world.features(frame));
+        let input =
+            FrameInput { time_s, features: &features, gps: fixes.get(frame), odometry: world.odometry(frame).into() };
+        tracker.step(&input).unwrap();
+        let share = tracker.bank[0].foreseen.share();
+        assert!(share >= config.health.least_foreseen_anew, "{frame}: {share}");
+    }
+}

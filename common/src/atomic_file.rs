@@ -88,11 +88,7 @@ pub fn stage_with<E: From<Error>>(
     content: impl FnOnce(&mut BufWriter<&mut File>) -> std::result::Result<(), E>,
 ) -> std::result::Result<Staged, E> {
     let path = path.as_ref();
-    let target = target(path);
-    let folder = work_folder(path);
-    if !folder.is_dir() {
-        return Err(Error::MissingFolder { path: path.to_path_buf(), folder }.into());
-    }
+    let (target, folder) = (target(path), existing_folder(path)?);
     let mut file = tempfile::Builder::new()
         .prefix(".waymark-")
         .permissions_of_new_files()
@@ -174,6 +170,11 @@ pub fn work_folder(path: &Path) -> PathBuf {
     }
 }
 
+fn existing_folder(path: &Path) -> Result<PathBuf> {
+    let folder = work_folder(path);
+    if folder.is_dir() { Ok(folder) } else { Err(Error::MissingFolder { path: path.to_path_buf(), folder }) }
+}
+
 /// Whether a file can be put under a name, as far as folders go: to be asked before long
 /// work, where it would be found out at the end.
 ///
@@ -182,10 +183,7 @@ pub fn work_folder(path: &Path) -> PathBuf {
 /// [`Error::IsAFolder`] where `path` is one.
 pub fn check(path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
-    let folder = folder_of(path);
-    if !folder.is_dir() {
-        return Err(Error::MissingFolder { path: path.to_path_buf(), folder: folder.to_path_buf() });
-    }
+    existing_folder(path)?;
     if path.is_dir() { Err(Error::IsAFolder { path: path.to_path_buf() }) } else { Ok(()) }
 }
 

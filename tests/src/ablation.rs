@@ -98,6 +98,8 @@ pub enum Step {
     Contradiction,
     /// Ok needs some frames of tracking.
     Verified,
+    /// Ok needs that what the map promises is found.
+    Promised,
     /// Who is told how far it went is not lost for seeing nothing.
     Carried,
 }
@@ -177,6 +179,7 @@ impl Step {
             Self::Support => config.health.min_support = -NEVER,
             Self::Contradiction => config.health.max_contradiction_sigmas = NEVER,
             Self::Verified => config.health.verify_frames = 0,
+            Self::Promised => (config.health.least_foreseen, config.health.least_foreseen_anew) = (0.0, 0.0),
             Self::Carried => config.health.most_missed = -NEVER,
         }
         trial

@@ -101,9 +101,12 @@ mod tests {
     fn what_was_seen_long_ago_is_forgotten() {
         let (mut foreseen, mut now) = (Foreseen::default(), Foreseen::default());
         now.count(unseen(0.9), true);
+        (now.seen, now.known) = (2.0, 1.0);
         foreseen.add(&now, 1e3);
-        assert!(foreseen.share() > 1.0);
+        assert!(foreseen.share() > 1.0 && foreseen.known_share() > 0.4);
         foreseen.fade(1e-6);
         assert!((foreseen.share() - 1.0).abs() < 1e-3, "{}", foreseen.share());
+        let Foreseen { expected, found, seen, known } = foreseen;
+        assert!([expected, found, seen, known].iter().all(|sum| (0.0..0.01).contains(sum)), "{foreseen:?}");
     }
 }

@@ -26,7 +26,6 @@ pub(super) fn turn_map(trial: &mut Trial, angle_rad: f64) {
 /// Moves all that stands or hangs beside the road along the way that was driven, on or
 /// back by a way in `range_m`.
 pub(super) fn shift_objects(trial: &mut Trial, range_m: Range<f64>, random: &mut Pcg64) {
-    let Some(first) = trial.truth.first() else { return };
     let at = |pose: &Pose| Point3::from(pose.translation.vector);
     let mut ways_m = vec![0.0];
     for pair in trial.truth.windows(2) {
@@ -34,14 +33,17 @@ pub(super) fn shift_objects(trial: &mut Trial, range_m: Range<f64>, random: &mut
     }
     let whole_m = ways_m[ways_m.len() - 1];
     let truth = &trial.truth;
+    if truth.is_empty() {
+        return;
+    }
     let mut shift = |point: &Point3<f64>| -> Pose {
         let apart = |pose: &Pose| (at(pose) - point).xz().norm_squared();
         let near = (0..truth.len()).min_by(|&a, &b| apart(&truth[a]).total_cmp(&apart(&truth[b]))).unwrap_or(0);
         let by_m = random.random_range(range_m.clone());
-        let is_on = if ways_m[near] < by_m { true } else { ways_m[near] + by_m <= whole_m && random.random() };
+        let is_on = ways_m[near] < by_m || (ways_m[near] + by_m <= whole_m && random.random());
         let target_m = if is_on { ways_m[near] + by_m } else { ways_m[near] - by_m };
         let there = ways_m.partition_point(|way_m| *way_m < target_m).min(truth.len() - 1);
-        truth.get(there).unwrap_or(first) * truth[near].inverse()
+        truth[there] * truth[near].inverse()
     };
     for pole in &mut trial.map.poles {
         let moved = shift(&pole.foot_map);

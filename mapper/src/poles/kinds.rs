@@ -6,7 +6,7 @@ use common::map::PoleKind;
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 
-use super::{FittedPole, Plumb, PoleConfig, Stacks, is_equipped_post};
+use super::{Filling, FittedPole, Plumb, PoleConfig, Stacks, is_equipped_post};
 
 /// What tells trees from posts where no crown is seen: each of it adds to the log
 /// odds, in nats, and a tree is what has more for it than against it. No single
@@ -48,6 +48,18 @@ pub struct TreeConfig {
     /// What hangs on another pole is within this of its axis, metres, and is no
     /// crown of this one: signs and lights.
     pub reach_of_others_m: f64,
+    /// Longest way between two masts that carry one board, metres: boards go on beyond
+    /// them, and are up to 4 m wide.
+    pub widest_board_m: f64,
+    /// What is within this of the way from one to the other, metres, is that board.
+    pub board_reach_m: f64,
+    /// Least share of the space where a crown may be that a board fills: one that is wide
+    /// and seen well fills four times as much.
+    pub board_share: f64,
+    /// What is there lies within this of an upright plane through the post where it is a
+    /// board, metres, root mean square: hits and columns on boards do within 0.1 to 0.18 m,
+    /// in crowns from 0.24 m on.
+    pub board_spread_m: f64,
     /// So many poles with as many trees as posts among them count with those of
     /// a place when it is asked how many there are trees: avenues have more of
     /// them than squares.
@@ -69,6 +81,10 @@ impl Default for TreeConfig {
             no_crown: 0.8,
             sheeting: 5.0,
             reach_of_others_m: 0.5,
+            widest_board_m: 2.0,
+            board_reach_m: 0.25,
+            board_share: 0.005,
+            board_spread_m: 0.2,
             usual_poles: 6.0,
         }
     }
@@ -124,17 +140,20 @@ impl<'a> Kinds<'a> {
 
     /// Whether a crown or a roof is over it: a parasol is no post either.
     fn has_crown(&self, pole: &FittedPole) -> bool {
-        let far_m = self.config.crown_radii_m[1] + self.config.trees.reach_of_others_m;
-        let others: Vec<Point2<f64>> = self
+        let (at, config) = (Point2::new(pole.top.x, pole.top.z), self.config);
+        let others: Vec<Other> = self
             .poles
             .iter()
-            .map(|other| other.at_height_of(&pole.top))
-            .filter(|at| {
-                let off_m = (at.x - pole.top.x).hypot(at.y - pole.top.z);
-                off_m >= self.config.ring_inner_m && off_m <= far_m
+            .map(|other| {
+                let is_as_high = other.top_height_m + config.crown_height_m >= pole.top_height_m;
+                Other { at: other.at_height_of(&pole.top), is_as_high }
+            })
+            .filter(|other| {
+                let off_m = (other.at - at).norm();
+                off_m >= config.ring_inner_m && off_m <= config.trees.widest_board_m
             })
             .collect();
-        has_crown(pole, &others, self.stacks, self.config)
+        has_crown(pole, &others, self.stacks, config)
     }
 
     /// Whether its crown makes a tree of it.
@@ -200,31 +219,54 @@ const CERTAIN: f64 = 20.0;
 /// Steps of the expectation-maximization: the share settles within a few.
 const PRIOR_STEPS: usize = 20;
 
+/// Another pole beside one.
+pub(super) struct Other {
+    /// Where it stands, map (x, z).
+    at: Point2<f64>,
+    /// Whether it is about as high, so that something may hang between the two.
+    is_as_high: bool,
+}
+
+impl Other {
+    /// Whether what is at a place is on it, or between it and the pole at `from`.
+    fn has(&self, at: &Point2<f64>, from: &Point2<f64>, config: &PoleConfig) -> bool {
+        let way = from - self.at;
+        let share = (way.dot(&(at - self.at)) / way.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        (at - self.at).norm() < config.trees.reach_of_others_m
+            || (self.is_as_high && (at - self.at - way * share).norm() < config.trees.board_reach_m)
+    }
+}
+
 /// Whether something is above the upper end and around it that is not on one of
-/// `others`, which stand at these places (x, z). What is no farther off than a plate
-/// reaches is a plate where it covers the post.
-pub(super) fn has_crown(pole: &FittedPole, others: &[Point2<f64>], stacks: &Stacks, config: &PoleConfig) -> bool {
+/// `others`. What is no farther off than a plate reaches is a plate where it covers the
+/// post, and what is farther off is a board on it where it is flat and to both sides.
+pub(super) fn has_crown(pole: &FittedPole, others: &[Other], stacks: &Stacks, config: &PoleConfig) -> bool {
     let [near_m, far_m] = config.crown_radii_m;
-    is_filled_above(pole, others, stacks, 0.0, near_m..far_m, config)
-        || (is_filled_above(pole, others, stacks, 0.0, 0.0..far_m, config) && !is_covered(pole, stacks, config))
+    let around = above(pole, others, stacks, 0.0, near_m..far_m, config);
+    let is_flat = around.across_m <= config.trees.board_spread_m && around.aside_m < near_m;
+    if around.share >= config.trees.board_share && is_flat {
+        return false;
+    }
+    let is_filled = |radii_m| above(pole, others, stacks, 0.0, radii_m, config).share >= config.crown_share;
+    around.share >= config.crown_share || (is_filled(0.0..far_m) && !is_covered(pole, stacks, config))
 }
 
 /// Whether something is right over the upper end, its own cap aside: a plate, or
 /// the crown that a stem goes on into. What stands by a bollard is beside it.
 fn is_covered(pole: &FittedPole, stacks: &Stacks, config: &PoleConfig) -> bool {
-    is_filled_above(pole, &[], stacks, 2.0 * config.slice_m, 0.0..config.ring_inner_m, config)
+    above(pole, &[], stacks, 2.0 * config.slice_m, 0.0..config.ring_inner_m, config).share >= config.crown_share
 }
 
-fn is_filled_above(
+/// What fills the space from a height over the upper end on, and between two radii.
+fn above(
     pole: &FittedPole,
-    others: &[Point2<f64>],
+    others: &[Other],
     stacks: &Stacks,
     from_m: f64,
     radii_m: Range<f64>,
     config: &PoleConfig,
-) -> bool {
+) -> Filling {
     let heights_m = pole.top_height_m + from_m..pole.top_height_m + config.crown_height_m;
-    let is_of_other = |at: &Point2<f64>| others.iter().any(|o| (o - at).norm() < config.trees.reach_of_others_m);
-    let at = Point2::new(pole.top.x, pole.top.z);
-    stacks.filled_share(&at, heights_m, radii_m, is_of_other) >= config.crown_share
+    let from = Point2::new(pole.top.x, pole.top.z);
+    stacks.filling(&from, heights_m, radii_m, |at| others.iter().any(|other| other.has(at, &from, config)))
 }

@@ -24,7 +24,7 @@ pub use config::PoleConfig;
 pub use fit::{FittedPole, Wanted, fit_pole};
 pub use kinds::TreeConfig;
 pub use plumb::Plumb;
-pub use stacks::{Stack, Stacks};
+pub use stacks::{Filling, Stack, Stacks};
 pub use walls::WallConfig;
 
 use crate::cloud::Cloud;

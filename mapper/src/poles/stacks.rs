@@ -1,11 +1,14 @@
 //! Columns of a fine grid with the points in them, slice by slice, and the
 //! isolated vertical stacks among them.
 
+mod filling;
+
 use std::ops::Range;
 
-use nalgebra::{Point2, Vector2};
+use nalgebra::Point2;
 use rayon::prelude::*;
 
+pub use self::filling::Filling;
 use super::PoleConfig;
 use crate::by_cell::ByCell;
 use crate::cloud::CloudPoint;
@@ -319,27 +322,6 @@ impl Stacks {
             is_under_sheet: false,
             free: filled & !hindered,
         })
-    }
-
-    /// Share of the voxels of an upright tube that are occupied: between two radii,
-    /// metres; heights above ground; without the columns for which `is_out` holds of
-    /// their place.
-    pub fn filled_share(
-        &self,
-        at: &Point2<f64>,
-        heights_m: Range<f64>,
-        radii_m: Range<f64>,
-        is_out: impl Fn(&Point2<f64>) -> bool,
-    ) -> f64 {
-        let Some((x, z)) = self.grid.cell(at) else { return 0.0 };
-        let slice = |h: f64| ((h - self.lowest_m) / self.slice_m).clamp(0.0, SLICES as f64) as usize;
-        let wanted = slice(heights_m.start)..slice(heights_m.end);
-        let mut steps = around(radii_m.start, radii_m.end, self.grid.cell_m);
-        let cell_m = self.grid.cell_m;
-        steps.retain(|(dx, dz)| !is_out(&(at + Vector2::new(*dx as f64 * cell_m, *dz as f64 * cell_m))));
-        let of_column = |i: usize| wanted.clone().filter(|s| self.filled_in(i..i + 1) & (1_u64 << s) != 0).count();
-        let filled: usize = self.around((x, z), &spans(&steps)).flatten().map(of_column).sum();
-        filled as f64 / (steps.len() * wanted.len()).max(1) as f64
     }
 }
 

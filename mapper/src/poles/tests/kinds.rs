@@ -141,3 +141,29 @@ fn a_delineator_in_a_hedge_is_no_trunk_though_leaves_make_it_wide() {
     // Without a reflector, and thicker than any post.
     assert_eq!((kind(0.1, 0.5), kind(0.15, 0.99)), (PoleKind::Trunk, PoleKind::Trunk));
 }
+
+#[test]
+fn a_board_over_a_mast_is_no_crown_and_what_is_as_deep_is_one() {
+    let kind = |depth_m: f64| {
+        let mut street = Street::new();
+        // From 0.1 m over the upper end on, 1.2 m to both sides.
+        add_leaves(&mut street, 4.2, Vector3::new(1.2, 0.7, depth_m));
+        kind(&FittedPole { top_is_open: false, ..stem(0.05, 0.0) }, street)
+    };
+    assert_ne!(kind(0.04), PoleKind::Trunk);
+    assert_eq!(kind(0.8), PoleKind::Trunk);
+}
+
+#[test]
+fn a_board_between_two_masts_is_a_crown_of_neither() {
+    let mast = FittedPole { top_is_open: false, ..stem(0.05, 0.0) };
+    let mut second = mast.clone();
+    second.foot.x += 1.8;
+    second.top.x += 1.8;
+    let low = FittedPole { top_height_m: 1.2, ..second.clone() };
+    let mut street = Street::new();
+    add_leaves_aside(&mut street, 0.9, 4.2, Vector3::new(0.85, 0.7, 0.05));
+    let cloud = street.cloud();
+    let kinds = [second, low].map(|other| kind_among(&mast, &[other], &cloud));
+    assert_eq!(kinds, [PoleKind::SignPost, PoleKind::Trunk]);
+}

@@ -167,6 +167,12 @@ impl Drive {
         self.source.scan_path(frame)
     }
 
+    /// Says how far apart the beams of the lidar are, radians: the points of folders of
+    /// scans are put into their order.
+    pub(crate) fn put_beams_apart(&mut self, step_rad: f64) {
+        self.source.put_beams_apart(step_rad);
+    }
+
     /// Reads one scan.
     ///
     /// # Errors

@@ -1,10 +1,13 @@
 //! What the lidar can see: its beams and its field of view.
 
+mod measure;
+
 use common::geometry::Pose;
 use nalgebra::{Point3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 pub use crate::sheeting::SheetingConfig;
+pub use measure::{MeasureConfig, measured};
 
 /// Beam pattern of the lidar. Defaults: Velodyne HDL-64E at 10 Hz, from its
 /// manual.
@@ -24,6 +27,8 @@ pub struct LidarConfig {
     pub lowest_rad: f64,
     /// How retro-reflective sheeting looks to it.
     pub sheeting: SheetingConfig,
+    /// How scans say that it is another one.
+    pub measure: MeasureConfig,
 }
 
 impl Default for LidarConfig {
@@ -35,6 +40,7 @@ impl Default for LidarConfig {
             highest_rad: 0.035,
             lowest_rad: -0.434,
             sheeting: SheetingConfig::default(),
+            measure: MeasureConfig::default(),
         }
     }
 }

@@ -22,6 +22,7 @@ use crate::drive::Drive;
 use crate::error::{Error, Result};
 use crate::export::{CloudCount, CloudFile};
 use crate::inspect::{build_text, count_text, road_length_m};
+use crate::lidar::measured;
 use crate::outputs::{self, Output};
 use crate::report::{BuildReport, ScanCounts, checksum, path_beside, settings, stage_beside};
 use crate::{Built, PoseSource, build};
@@ -141,7 +142,8 @@ impl Build {
 
     fn build(&self, out: &Path, config: &Config) -> Result<()> {
         let started = Instant::now();
-        let drive = self.open(out, config)?;
+        let mut drive = self.open(out, config)?;
+        let config = &Config { lidar: measured(&mut drive, &config.lidar)?, ..config.clone() };
         // What is no scan cannot be registered against another.
         let poses = if drive.has_single_scans() { self.poses } else { PoseSource::Given };
 

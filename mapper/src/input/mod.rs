@@ -87,6 +87,13 @@ impl Source {
             Self::Stitched(slices) => slices.read(frame, max_range_m),
         }
     }
+
+    /// Says how far apart the beams are, radians, where scans are put into their order.
+    pub fn put_beams_apart(&mut self, step_rad: f64) {
+        if let Self::Scans(folder) = self {
+            Arc::make_mut(folder).put_beams_apart(step_rad);
+        }
+    }
 }
 
 /// A name that a map can hold: no control characters, not too long.

@@ -67,6 +67,11 @@ impl ScanFolder {
         self.files.get(&frame).cloned().unwrap_or_else(|| self.folder.clone())
     }
 
+    /// Says how far apart the beams are, radians.
+    pub fn put_beams_apart(&mut self, step_rad: f64) {
+        self.beam_step_rad = step_rad;
+    }
+
     /// The scan of a frame.
     ///
     /// # Errors

@@ -1,0 +1,47 @@
+//! A drive with another lidar than KITTI's is mapped without a word about it.
+
+use std::path::Path;
+
+use common::kitti::read_poses;
+use waymark_tests::map_score::{MapScore, score};
+
+use crate::support::{build, run, text};
+
+/// What lies farther from the path does not count, metres.
+const BESIDE_PATH_M: f64 = 12.0;
+
+fn scored(map: &Path, drive: &Path) -> MapScore {
+    let truth = waymark_tests::truth::read(drive).unwrap();
+    let exact = read_poses(drive.join("truth/poses.txt")).unwrap();
+    score(&common::map::read(map).unwrap(), &truth, &exact, BESIDE_PATH_M)
+}
+
+#[test]
+fn scans_say_which_lidar_took_them_and_the_map_is_as_good() {
+    let root = tempfile::tempdir().unwrap();
+    let (drive, map, config) =
+        (root.path().join("drive"), root.path().join("map.csm"), root.path().join("config.toml"));
+    let lidar = "[lidar]\nbeams = 48\nfrom_to_deg = [-24.0, 16.0]\ncolumns = 1800\nvertical_error_deg = 0.0\n";
+    std::fs::write(&config, lidar).unwrap();
+    let words = ["generate", "--frames", "100", "--scan-every", "5", "--config", text(&config), "--out", text(&drive)];
+    run("fixtures", &words).ok();
+
+    let said = build(&drive, "00", &map, &[]).ok();
+    let note = said.lines().find(|line| line.contains("another lidar")).unwrap();
+    let numbers: Vec<f64> =
+        note.split_whitespace().filter_map(|word| word.trim_end_matches([',', ';']).parse().ok()).collect();
+    let [low_deg, high_deg, apart_deg, along_deg] = numbers[..] else { panic!("{note}") };
+    assert!((low_deg + 24.0).abs() < 1.0 && (high_deg - 16.0).abs() < 1.0, "{note}");
+    assert!((apart_deg - 40.0 / 47.0).abs() < 0.1 && (along_deg - 0.2).abs() < 0.03, "{note}");
+    // The report has what was taken, and who knows better is believed.
+    let report = std::fs::read_to_string(map.with_extension("build.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert!(report["config"]["lidar"]["highest_rad"].as_f64().unwrap() > 0.25, "{}", report["config"]["lidar"]);
+    let poles = scored(&map, &drive).poles;
+    println!("poles: {poles:?}");
+    assert!(poles.wanted >= 10.0 && poles.recall() >= 0.8 && poles.precision() >= 0.8, "{poles:?}");
+
+    std::fs::write(&config, "[lidar.measure]\nis_on = false\n").unwrap();
+    let said = build(&drive, "00", &map, &["--config", text(&config)]).ok();
+    assert!(!said.contains("another lidar"), "{said}");
+}

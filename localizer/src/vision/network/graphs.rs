@@ -37,7 +37,7 @@ pub(super) fn floats(name: &str, sizes: &[usize], values: &[f32]) -> TensorProto
 }
 
 /// A value of four axes.
-fn value(name: &str, sizes: [i64; 4]) -> ValueInfoProto {
+pub(super) fn value(name: &str, sizes: [i64; 4]) -> ValueInfoProto {
     let axis = |&size: &i64| Dimension { dim_value: Some(size), ..Dimension::default() };
     let shape = TensorShapeProto { dim: sizes.iter().map(axis).collect() };
     let tensor_type = TypeProtoTensor { elem_type: Some(DataType::FLOAT), shape: Some(shape) };

@@ -4,7 +4,9 @@
 //! | what | why it is there |
 //! |---|---|
 //! | [`unread`]: channels that nobody reads | training made their weights zero |
+//! | [`blocks`]: products with zeros | a small matrix along the diagonal of a large one |
 
+mod blocks;
 mod constants;
 mod unread;
 
@@ -18,7 +20,9 @@ use rten_onnx::onnx::{GraphProto, ModelProto, NodeProto};
 pub(super) fn simplified(model: &[u8]) -> Option<Vec<u8>> {
     let mut model = ModelProto::parse_buf(model).ok()?;
     let graph = model.graph.as_mut()?;
-    if !unread::drop(graph)? {
+    let mut is_simpler = blocks::part(graph)?;
+    is_simpler |= unread::drop(graph)?;
+    if !is_simpler {
         return None;
     }
     sweep(graph);
@@ -54,6 +58,15 @@ fn number(node: &NodeProto, attribute: &str) -> Option<i64> {
 /// Whether a node is this operator of the standard.
 fn is(node: &NodeProto, operator: &str) -> bool {
     node.op_type.as_deref() == Some(operator) && matches!(node.domain.as_deref(), None | Some("" | "ai.onnx"))
+}
+
+/// The sizes of a value where the graph says them; none for those that are
+/// open.
+fn sizes_of(graph: &GraphProto, name: &str) -> Option<Vec<Option<i64>>> {
+    let mut values = graph.value_info.iter().chain(&graph.input);
+    let value = values.find(|value| value.name.as_deref() == Some(name))?;
+    let shape = value.r#type.as_ref()?.tensor_type.as_ref()?.shape.as_ref()?;
+    Some(shape.dim.iter().map(|axis| axis.dim_value).collect())
 }
 
 #[cfg(test)]

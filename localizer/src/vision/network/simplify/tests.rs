@@ -1,9 +1,9 @@
 use std::path::Path;
 
-use rten_onnx::onnx::TensorProto;
+use rten_onnx::onnx::{TensorProto, ValueInfoProto};
 
 use super::*;
-use crate::vision::network::graphs::{floats, model, node};
+use crate::vision::network::graphs::{floats, model, node, value};
 use crate::vision::network::runtime::Runtime;
 use crate::vision::network::tests::shared;
 
@@ -24,6 +24,10 @@ fn sizes<'a>(graph: &'a GraphProto, output: &str, input: usize) -> &'a [i64] {
     let node = graph.node.iter().find(|node| node.output == [output]).unwrap();
     let is_it = |tensor: &&TensorProto| tensor.name.as_ref() == Some(&node.input[input]);
     &graph.initializer.iter().find(is_it).unwrap().dims
+}
+
+fn operators(graph: &GraphProto) -> Vec<&str> {
+    graph.node.iter().map(|node| node.op_type.as_deref().unwrap()).collect()
 }
 
 fn run(model: &[u8], shape: [usize; 4], values: &[f32]) -> Vec<f32> {
@@ -162,9 +166,34 @@ fn something_is_left_of_what_nobody_reads_at_all() {
     assert_eq!((sizes(&graph, "a", 1), sizes(&graph, "out", 1)), (&[1, 2, 1, 1][..], &[1, 1, 1, 1][..]));
 }
 
+/// Pooling of 3 pixels into 2 and, the other way, of 2 into 3.
+fn pooling(spoilt: usize) -> ModelProto {
+    let matrix = |name: &str, high: usize, wide: usize| {
+        let block = |i: usize| 0.5 + (i / (wide * 8) % high + 2 * (i % (wide * 8) % wide)) as f32;
+        let at = |i: usize| if i / (wide * 8) / high == i % (wide * 8) / wide { block(i) } else { 0.0 };
+        let mut values: Vec<f32> = (0..64 * high * wide).map(at).collect();
+        values[2] += spoilt as f32;
+        values[wide] += spoilt as f32;
+        floats(name, &[8 * high, 8 * wide], &values)
+    };
+    let nodes = vec![node("MatMul", &["rows", "image"], "a", &[]), node("MatMul", &["a", "columns"], "out", &[])];
+    let mut model = model([1, 2, 24, 16], nodes, vec![matrix("rows", 2, 3), matrix("columns", 2, 3)], &["out"]);
+    model.graph.as_mut().unwrap().value_info = vec![value("a", [1, 2, 16, 16])];
+    model
+}
+
+#[test]
+fn products_with_blocks_along_a_diagonal_are_those_with_one_block() {
+    let graph = simpler(&pooling(0)).unwrap();
+    assert_eq!(operators(&graph), ["Reshape", "MatMul", "Reshape", "Reshape", "MatMul", "Reshape"]);
+    assert!(graph.initializer.iter().all(|tensor| tensor.dims.iter().product::<i64>() <= 6));
+    assert_same_output(&pooling(0), [1, 2, 24, 16], 2 * 16 * 24);
+    assert!(simpler(&pooling(1)).is_none());
+}
+
 #[test]
 fn no_graph_makes_it_panic() {
-    for make in [branches] {
+    for make in [branches, || pooling(0)] {
         let try_with = |change: &dyn Fn(&mut GraphProto)| {
             let mut changed = make();
             change(changed.graph.as_mut().unwrap());
@@ -190,6 +219,7 @@ fn no_graph_makes_it_panic() {
                 try_with(&|graph| graph.node[at].op_type = Some(operator.into()));
             }
         }
+        try_with(&|graph| graph.value_info = vec![ValueInfoProto::default(), value("a", [0, -1, 1, i64::MAX])]);
         let bytes = make().write_buf().unwrap();
         for length in 0..bytes.len() {
             simplified(&bytes[..length]);
@@ -198,21 +228,26 @@ fn no_graph_makes_it_panic() {
 }
 
 #[test]
-fn a_known_network_does_less_and_says_the_same() {
+fn the_known_networks_do_less_and_say_the_same() {
     let Some(shared) = shared() else { return };
     let image = crate::vision::read_png(shared.join("kitti/sequences/04/image_2/000000.png")).unwrap();
     let pixel = |channel: usize, row: usize, column: usize| {
         image.row(row.min(image.height() - 1)).get(3 * column + channel).map_or(0.0, |&value| f32::from(value) / 255.0)
     };
     let image: Vec<f32> = (0..3 * 384 * 1248).map(|i| pixel(i / (384 * 1248), i / 1248 % 384, i % 1248)).collect();
-    let name = "twinlitenet_lane_384x1248.onnx";
-    let mut whole = std::fs::read(shared.join("models").join(name)).unwrap();
-    crate::vision::network::denormals::flush(&mut whole);
-    let simpler = simplified(&whole).unwrap();
-    let graph = ModelProto::parse_buf(&simpler).unwrap().graph.unwrap();
-    assert_eq!(sizes(&graph, "/Conv_20_output_0", 1), [54, 131, 3, 3]);
-    let (is, should) = (run(&simpler, [1, 3, 384, 1248], &image), run(&whole, [1, 3, 384, 1248], &image));
-    let off = is.iter().zip(&should).map(|(is, should)| (is - should).abs()).fold(0.0, f32::max);
-    println!("{name}: largest difference of a probability {off:e}");
-    assert!(off < 1e-3 && should.iter().any(|&probability| probability > 0.9));
+    for (name, products) in [("espnetv2_cityscapes_384x1248.onnx", 9), ("twinlitenet_lane_384x1248.onnx", 0)] {
+        let mut whole = std::fs::read(shared.join("models").join(name)).unwrap();
+        crate::vision::network::denormals::flush(&mut whole);
+        let simpler = simplified(&whole).unwrap();
+        let graph = ModelProto::parse_buf(&simpler).unwrap().graph.unwrap();
+        if products == 0 {
+            assert_eq!(sizes(&graph, "/Conv_20_output_0", 1), [54, 131, 3, 3]);
+        }
+        let reshaped = graph.node.iter().filter(|node| node.name.is_none() && is(node, "MatMul"));
+        assert_eq!(reshaped.count(), products);
+        let (is, should) = (run(&simpler, [1, 3, 384, 1248], &image), run(&whole, [1, 3, 384, 1248], &image));
+        let off = is.iter().zip(&should).map(|(is, should)| (is - should).abs()).fold(0.0, f32::max);
+        println!("{name}: largest difference of a probability {off:e}");
+        assert!(off < 1e-3 && should.iter().any(|&probability| probability > 0.9));
+    }
 }

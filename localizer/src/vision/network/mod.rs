@@ -14,6 +14,7 @@ mod resample;
 mod rows;
 mod runtime;
 mod signature;
+mod simplify;
 mod softmax;
 mod spec;
 
@@ -50,7 +51,13 @@ impl Network {
         let path = path.as_ref();
         let mut bytes = std::fs::read(path).map_err(common::Error::io(path))?;
         denormals::flush(&mut bytes);
-        let model = runtime.load(path, bytes.clone())?;
+        // One that cannot be loaded so is loaded as it is.
+        let simplified = simplify::simplified(&bytes);
+        let simplified = simplified.and_then(|bytes| Some((runtime.load(path, bytes.clone()).ok()?, bytes)));
+        let (model, bytes) = match simplified {
+            Some(simplified) => simplified,
+            None => (runtime.load(path, bytes.clone())?, bytes),
+        };
         let signature = model.signature();
         let description = path.with_extension("toml");
         let spec = if description.exists() {
@@ -131,5 +138,7 @@ pub fn run_all(networks: &[Network], image: &RgbImage) -> Result<ProbabilityMaps
     Ok(maps)
 }
 
+#[cfg(test)]
+mod graphs;
 #[cfg(test)]
 mod tests;

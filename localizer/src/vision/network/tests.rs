@@ -209,7 +209,7 @@ fn what_is_no_network_is_refused() {
 }
 
 /// The shared folder of real data and networks, where it is.
-fn shared() -> Option<PathBuf> {
+pub(super) fn shared() -> Option<PathBuf> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
     let shared = std::env::var_os("WAYMARK_DATA").map_or(beside, PathBuf::from);
     let is_there = shared.join("models").is_dir() && shared.join("kitti").is_dir();

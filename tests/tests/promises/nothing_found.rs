@@ -34,6 +34,19 @@ fn a_drive_in_which_nothing_is_localized_has_no_figures() {
     run("localizer", &[&["trial", "--draws", "1"], &drive[..]].concat()).refused(&[said]);
     run_path(FAULTS, &[&drive[..], &["--only", "black"]].concat()).refused(&["fault `black`: ", said]);
     run_path(ABLATION, &[&drive[..], &["--only", "bank"]].concat()).refused(&["without `bank`: ", said]);
+    // What nothing is found in is a row, too, and those after it are not lost.
+    let faults = run_path(FAULTS, &[&drive[..], &["--only", "black,none"]].concat());
+    faults.refused(&["fault `black`, `none`: ", said]);
+    let ablation = run_path(ABLATION, &[&drive[..], &["--only", "bank,none"]].concat());
+    ablation.refused(&["without `bank`, `none`: ", said]);
+    for (table, rows) in [(&faults.out, ["black", "none"]), (&ablation.out, ["bank", "none"])] {
+        let last: Vec<&str> = table.lines().skip(2).collect();
+        assert_eq!(last.len(), 2, "{table}");
+        assert!(last.iter().zip(rows).all(|(line, row)| line.starts_with(row) && line.contains(" - ")), "{table}");
+    }
+    let rows = run_path(FAULTS, &[&drive[..], &["--only", "black,none", "--json"]].concat());
+    let rows: serde_json::Value = serde_json::from_str(&rows.out).unwrap();
+    assert!(rows[1]["why_none"].as_str().unwrap().starts_with(said) && rows[1].get("rms_m").is_none(), "{rows}");
     let out = root.path().join("figures");
     run_path(FIGURES, &[&drive[..], &["--out", text(&out)]].concat()).refused(&[said]);
     assert!(!out.exists());

@@ -11,6 +11,7 @@ mod anchor;
 mod bank;
 mod believed;
 mod clock;
+mod course;
 mod health;
 mod hypothesis;
 mod mean;
@@ -23,6 +24,7 @@ pub use bank::BankConfig;
 use believed::Doubts;
 pub use clock::ClockConfig;
 use clock::{Clock, Interval};
+use course::Course;
 pub use health::HealthConfig;
 use health::{Context, Verdict};
 pub use nearby::NearbyConfig;
@@ -80,6 +82,8 @@ pub struct Tracker<'a> {
     doubts: Doubts,
     /// Where the camera must be by GPS and by the last trusted pose.
     region: Region,
+    /// What the way from fix to fix says of the heading.
+    course: Course,
     /// How well the times of the images are kept.
     clock: Clock,
     /// By how much the time since the last frame was doubted, s^2.
@@ -108,6 +112,7 @@ impl<'a> Tracker<'a> {
             last_time_s: None,
             doubts: Doubts::default(),
             region: Region::default(),
+            course: Course::default(),
             clock: Clock::default(),
             time_variance_s2: 0.0,
             verdict: None,

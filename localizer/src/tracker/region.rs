@@ -120,8 +120,13 @@ fn take_in(place: &mut State, rough: &Rough) {
 
 impl Tracker<'_> {
     /// Keeps the region up in which the camera is, whatever is tracked.
-    pub(super) fn follow_region(&mut self, dt_s: f64, input: &FrameInput<'_>) -> Result<()> {
+    /// `untold_s` is the time since the last image, however long, and `dt_s` what of it
+    /// poses are moved on for.
+    pub(super) fn follow_region(&mut self, dt_s: f64, untold_s: f64, input: &FrameInput<'_>) -> Result<()> {
         let config = &self.config;
+        let speed_m_s = self.bank.first().map_or(0.0, |best| best.state.velocity[2]);
+        let speed_m_s = speed_m_s.clamp(-config.bank.max_reverse_m_s, config.bank.max_speed_m_s);
+        self.unseen.drive(untold_s, input.odometry.and_then(|shown| shown.speed_m_s), speed_m_s);
         self.course.drive(dt_s);
         self.region.time_variance_s2 = self.clock.variance_s2();
         self.region.drive(dt_s, |place| {
@@ -133,8 +138,10 @@ impl Tracker<'_> {
             }
         });
         if let Some(fix) = input.gps {
+            let within_m = config.gps.refused_sigmas * fix.horizontal_sigma_m;
             let tracked = self.bank.first().map(|best| PoseParameters::from_pose(&best.state.map_from_camera).yaw_rad);
             let (after, reverse_m_s) = (config.gps.believed_after, config.bank.max_reverse_m_s);
+            self.unseen.hear(fix, within_m);
             self.course.take(fix, tracked, reverse_m_s);
             let mut fix = self.course.corrected(fix, after);
             let was_ever_ok = self.verdict.is_some_and(|verdict| verdict.was_ever_ok);

@@ -1,4 +1,4 @@
-//! What begins with a wrong heading.
+//! What begins with a wrong heading, and what nobody saw for long.
 
 use std::f64::consts::PI;
 
@@ -30,4 +30,22 @@ fn fixes_that_move_on_overrule_a_receiver_that_looks_backwards() {
     let (last, truth) = (said.last().unwrap(), world.truth.last().unwrap());
     let off_m = local(truth, &last.map_from_camera).fixed_rows::<3>(0).norm();
     assert!(off_m < 0.5 && last.status == Status::Ok, "{off_m} m, {:?}", last.status);
+}
+
+#[test]
+fn after_half_a_minute_without_an_image_nothing_is_known_until_it_is_ok_again() {
+    let first = |frame: usize, world: &World| {
+        Some(GpsFix::from_pose(&world.truth[frame], &GpsConfig::default())).filter(|_| frame < 2)
+    };
+    let from = 80;
+    let (_, said) = said(&first, &|frame| if frame < from { 0.0 } else { 31.0 });
+    let right_m = |estimate: &PoseEstimate| estimate.covariance[(0, 0)].sqrt();
+    assert!(said[..from].iter().any(|estimate| estimate.status == Status::Ok));
+    assert!(said[1..from].iter().all(|estimate| right_m(estimate) < 5.0));
+    let until_ok: Vec<&PoseEstimate> =
+        said[from..].iter().take_while(|estimate| estimate.status != Status::Ok).collect();
+    assert!(!until_ok.is_empty());
+    for estimate in until_ok {
+        assert!(estimate.status == Status::Lost && right_m(estimate) > 300.0 && estimate.covariance[(4, 4)] > 1.0);
+    }
 }

@@ -37,6 +37,12 @@ pub fn print_error(error: impl std::fmt::Display) {
     let _ = writeln!(std::io::stderr(), "error: {error}");
 }
 
+/// Writes what people should know to the error stream, as one sentence after `note: `:
+/// where the standard output is a document that has no place for it.
+pub fn print_note(note: impl std::fmt::Display) {
+    let _ = writeln!(std::io::stderr(), "note: {note}");
+}
+
 /// As `println!`, by [`output::print`]($crate::output::print).
 #[macro_export]
 macro_rules! say {

@@ -11,6 +11,7 @@ mod anchor;
 mod bank;
 mod believed;
 mod clock;
+mod course;
 mod health;
 mod hypothesis;
 mod mean;
@@ -18,11 +19,13 @@ mod nearby;
 mod region;
 mod rivals;
 mod sight;
+mod unseen;
 
 pub use bank::BankConfig;
 use believed::Doubts;
 pub use clock::ClockConfig;
 use clock::{Clock, Interval};
+use course::Course;
 pub use health::HealthConfig;
 use health::{Context, Verdict};
 pub use nearby::NearbyConfig;
@@ -44,6 +47,7 @@ use crate::start::Search;
 use hypothesis::Hypothesis;
 use region::Region;
 use sight::Sight;
+use unseen::Unseen;
 
 /// Time after which nothing is known of where a vehicle went that nobody saw, seconds: at
 /// the speed of towns it is three hundred metres away, as far as it is ever searched. Moved
@@ -80,6 +84,10 @@ pub struct Tracker<'a> {
     doubts: Doubts,
     /// Where the camera must be by GPS and by the last trusted pose.
     region: Region,
+    /// What the way from fix to fix says of the heading.
+    course: Course,
+    /// Where it may have gone while no image came.
+    unseen: Unseen,
     /// How well the times of the images are kept.
     clock: Clock,
     /// By how much the time since the last frame was doubted, s^2.
@@ -108,6 +116,8 @@ impl<'a> Tracker<'a> {
             last_time_s: None,
             doubts: Doubts::default(),
             region: Region::default(),
+            course: Course::default(),
+            unseen: Unseen::default(),
             clock: Clock::default(),
             time_variance_s2: 0.0,
             verdict: None,
@@ -138,12 +148,13 @@ impl<'a> Tracker<'a> {
         if self.sight.shows_the_same && dt_s <= 0.0 && input.gps.is_none() {
             return Ok(self.said.as_ref());
         }
-        let dt_s = dt_s.min(if input.odometry.is_some() { LONGEST_TOLD_S } else { LONGEST_UNTOLD_S });
+        let (untold_s, dt_s) =
+            (dt_s, dt_s.min(if input.odometry.is_some() { LONGEST_TOLD_S } else { LONGEST_UNTOLD_S }));
         self.clock.tick(dt_s, self.sight.shows_the_same, &self.config.clock);
         self.unfollowed_s += dt_s;
         let odometry = self.believed(dt_s, input.odometry);
         self.predict(dt_s, odometry.as_ref());
-        self.follow_region(dt_s, &FrameInput { odometry, ..*input })?;
+        self.follow_region(dt_s, untold_s, &FrameInput { odometry, ..*input })?;
         self.observe(dt_s, input.gps)?;
         if self.sight.shows_nothing() {
             return Ok(self.speak(0.0));
@@ -351,7 +362,7 @@ impl<'a> Tracker<'a> {
         let context = Context { lead, margin, contradiction_sigmas, late, shows_the_same };
         let verdict = health::judge(best, &context, self.verdict, &self.config.health);
         self.verdict = Some(verdict);
-        let status = verdict.status;
+        let status = self.unseen.judged(verdict.status, shows_the_same);
         // What shows the same again confirms nothing.
         if verdict.is_followed && !shows_the_same {
             self.unfollowed_s = 0.0;
@@ -362,12 +373,16 @@ impl<'a> Tracker<'a> {
         }
         let alone = std::slice::from_ref(best);
         let said = if status == Status::Ok { alone } else { self.bank.as_slice() };
-        let (map_from_camera, covariance) = mean::mean_of(said, self.config.bank.doubt)?;
+        let (map_from_camera, mut covariance) = mean::mean_of(said, self.config.bank.doubt)?;
+        covariance += late;
+        if let Some(unseen) = self.unseen.covariance(&map_from_camera) {
+            covariance += unseen;
+        }
         let mut correspondences = self.said.take().map_or_else(Vec::new, |said| said.correspondences);
         correspondences.clone_from(&best.correspondences);
         Some(self.said.insert(PoseEstimate {
             map_from_camera,
-            covariance: covariance + late,
+            covariance,
             correspondences,
             residual_rms_px: best.rms_px,
             iterations: best.iterations,

@@ -70,7 +70,8 @@ struct Found {
 ///
 /// # Errors
 /// A scan that cannot be read, what `on_window` returns,
-/// [`Error::FarFromOrigin`], [`Error::SurveyJumps`] and [`Error::NoGround`].
+/// [`Error::FarFromOrigin`], [`Error::SurveyJumps`], [`Error::NothingSeen`] and
+/// [`Error::NoGround`].
 pub fn build(
     drive: &Drive,
     poses: PoseSource,
@@ -93,11 +94,13 @@ pub fn build(
     let windows: Vec<&[Stretch]> = cut.chunks(config.roads.per_window.max(1)).collect();
     let mut passes = Passes::default();
     let mut evidence = EvidenceBook::default();
-    let mut under_path = 0.0_f64;
+    let (mut under_path, mut shown, mut points) = (0.0_f64, 0.0_f64, 0);
     for (k, window) in windows.iter().enumerate() {
         let ends = (k == 0, k + 1 == windows.len());
         let (cloud, owned) = stitch_window(drive, &registration, window, ends, config)?;
         under_path = under_path.max(cloud.ground.under_path());
+        shown = shown.max(cloud.ground.shown());
+        points += cloud.scans.iter().map(|scan| scan.points).sum::<usize>();
         let found = extract(&cloud, &owned, &map, config);
         let window_poles: Vec<Pole> = found.poles.iter().map(|(pole, _)| *pole).collect();
         let known = evidence.add(&cloud, &window_poles, &found.signs, &found.lanes, config);
@@ -113,8 +116,16 @@ pub fn build(
         let poles = found.poles.into_iter().map(|(pole, _)| pole).collect();
         passes.add(k as u32, &known, poles, found.signs, found.lanes);
     }
+    if points == 0 {
+        return Err(Error::NothingSeen { drive: drive.name() });
+    }
     if under_path < config.ground.least_under_path {
-        return Err(Error::NoGround { drive: drive.name(), seen_percent: 100.0 * under_path });
+        let why = if shown > 0.0 {
+            "scans and poses do not belong together"
+        } else {
+            "no scan shows anything of it, so they hold no returns of the ground, or scans and poses do not belong together"
+        };
+        return Err(Error::NoGround { drive: drive.name(), seen_percent: 100.0 * under_path, why });
     }
     passes.join(&mut map, &config.fuse);
     Ok(Built { map, registration, evidence })

@@ -66,15 +66,25 @@ pub enum Error {
         /// The largest that is accepted, metres.
         farthest_m: f64,
     },
+    /// Scans that are all blind.
+    #[error(
+        "{drive}: no scan has a point with finite coordinates within reach, so there is nothing to map: give scans with returns, or change the ranges under `[cloud]`"
+    )]
+    NothingSeen {
+        /// The drive.
+        drive: String,
+    },
     /// Scans and poses that do not belong together.
     #[error(
-        "{drive}: ground lies level under {seen_percent:.0} % of the driven path only: scans and poses do not belong together; check the calibration (`Tr` leads from the lidar to the camera) and the frame of the poses"
+        "{drive}: ground lies level under {seen_percent:.0} % of the driven path only: {why}; check the calibration (`Tr` leads from the lidar to the camera) and the frame of the poses"
     )]
     NoGround {
         /// The drive.
         drive: String,
         /// Where ground was seen, percent of the best window's path.
         seen_percent: f64,
+        /// What may be the cause.
+        why: &'static str,
     },
     /// No drive was given.
     #[error("no drive is given: use --kitti with --sequence, --raw, --scans or --stitched")]

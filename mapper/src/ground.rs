@@ -62,6 +62,7 @@ pub struct Ground {
     /// Whether ground was seen in the cell, not only continued into it.
     seen: Vec<bool>,
     under_path: f64,
+    shown: f64,
 }
 
 /// A height with a total order, for the queue.
@@ -147,8 +148,8 @@ impl Ground {
         let mut height_m = vec![f64::NAN; grid.len()];
         let mut seen = vec![false; grid.len()];
         let mut queue = BinaryHeap::new();
-        let (seeds, under_path) = seeds(grid, path, &heights.camera, &candidate, config);
-        for (cell, h) in seeds {
+        let Seeds { level, under_path, shown } = seeds(grid, path, &heights.camera, &candidate, config);
+        for (cell, h) in level {
             queue.push(Reverse((Step(0.0), cell, Step(h))));
         }
         while let Some(Reverse((_, cell, Step(from)))) = queue.pop() {
@@ -171,7 +172,7 @@ impl Ground {
             }
         }
         level_hidden(grid, &mut height_m, &seen);
-        Self { grid: heights.grid, height_m, seen, under_path }
+        Self { grid: heights.grid, height_m, seen, under_path, shown }
     }
 
     /// Height of the ground (along -y of the map, metres) at map (x, z),
@@ -194,6 +195,11 @@ impl Ground {
         let far = at(x, z1) * (1.0 - fu) + at(x1, z1) * fu;
         let height = near * (1.0 - fv) + far * fv;
         Some((row * self.grid.width + column, height.is_finite().then_some(height)))
+    }
+
+    /// Share of the driven path under which anything was seen.
+    pub fn shown(&self) -> f64 {
+        self.shown
     }
 
     /// Whether ground was seen in the cell that holds map (x, z).
@@ -245,15 +251,19 @@ fn lowest_supported(counts: &[u16], sums: &[f32], fewest: u32) -> Option<f64> {
     })
 }
 
-/// Cells under the path at the camera's usual height above the ground, and
-/// their share of all cells under the path.
-fn seeds(
-    grid: &Grid,
-    path: &Path,
-    camera_height: &[f64],
-    candidate: &[Option<f64>],
-    config: &GroundConfig,
-) -> (Vec<(usize, f64)>, f64) {
+/// The ground under the path.
+#[derive(Default)]
+struct Seeds {
+    /// Cells at the camera's usual height above the ground, with the ground's.
+    level: Vec<(usize, f64)>,
+    /// Their share of all cells under the path.
+    under_path: f64,
+    /// The share of those in which anything was seen.
+    shown: f64,
+}
+
+/// Where the ground begins to grow.
+fn seeds(grid: &Grid, path: &Path, camera_height: &[f64], candidate: &[Option<f64>], config: &GroundConfig) -> Seeds {
     let length_m = path.end_station_m() - path.start_station_m();
     let steps = (length_m / grid.cell_m).ceil().max(1.0) as usize;
     let cell_at = |step: usize| {
@@ -265,20 +275,22 @@ fn seeds(
     cells.sort_unstable();
     cells.dedup();
     let [least_m, most_m] = config.camera_height_m;
+    let share = |count: usize| count as f64 / cells.len() as f64;
+    let shown = share(cells.iter().filter(|cell| candidate[**cell].is_some()).count());
     let mut under: Vec<(usize, f64)> = cells
         .iter()
         .filter_map(|&cell| Some((cell, candidate[cell]? - camera_height[cell])))
         .filter(|(_, h)| (least_m..=most_m).contains(&-h))
         .collect();
     under.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let Some(&(_, usual)) = under.get(under.len() / 2) else { return (Vec::new(), 0.0) };
+    let Some(&(_, usual)) = under.get(under.len() / 2) else { return Seeds { shown, ..Seeds::default() } };
     let level: Vec<(usize, f64)> = under
         .into_iter()
         .filter(|(_, h)| (h - usual).abs() < 0.3)
         .map(|(cell, h)| (cell, h + camera_height[cell]))
         .collect();
-    let share = level.len() as f64 / cells.len() as f64;
-    (level, share)
+    let under_path = share(level.len());
+    Seeds { level, under_path, shown }
 }
 
 #[cfg(test)]

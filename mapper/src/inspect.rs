@@ -31,8 +31,8 @@ pub struct Inspection {
     pub sections: Vec<Section>,
     /// What was estimated while the map was built, and what it gave.
     pub build: Option<BuildReport>,
-    /// Why a report that lies beside the map could not be read: no reason not
-    /// to look into the map.
+    /// Why a report that lies beside the map could not be read, or is passed over: no
+    /// reason not to look into the map.
     pub build_fault: Option<String>,
 }
 
@@ -57,7 +57,7 @@ impl Inspection {
         let (map, layout) = decode_with_layout(&bytes).map_err(common::Error::in_file(path))?;
         let road_m = road_length_m(&map);
         let (build, build_fault) = match read_beside(path, &bytes) {
-            Ok(build) => (build, None),
+            Ok(beside) => (beside.own, beside.note),
             Err(error) => (None, Some(error.to_string())),
         };
         Ok(Self {

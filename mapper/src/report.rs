@@ -126,20 +126,37 @@ pub fn stage_beside(map: &Path, report: &BuildReport) -> Result<Option<Staged>> 
     Ok(Some(atomic_file::stage(&path, text.as_bytes())?))
 }
 
-/// The report of a map, if one lies beside it and is about these very bytes.
+/// What lies beside a map as the report of its build.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Beside {
+    /// The report about these very bytes.
+    pub own: Option<BuildReport>,
+    /// Why the report that lies there is passed over, for people: it is of another map.
+    pub note: Option<String>,
+}
+
+/// Reads the report that lies beside a map of these bytes, if one does.
 ///
 /// # Errors
 /// [`Error::BadReport`] where the file beside the map is no report,
 /// [`common::Error::Io`] where it cannot be read.
-pub fn read_beside(map: &Path, map_bytes: &[u8]) -> Result<Option<BuildReport>> {
+pub fn read_beside(map: &Path, map_bytes: &[u8]) -> Result<Beside> {
     let path = path_beside(map);
     let text = match std::fs::read(&path) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Beside::default()),
         read => read.map_err(common::Error::io(&path))?,
     };
     let report: BuildReport = serde_json::from_slice(&text).map_err(Error::report(&path))?;
-    let is_its = report.map_bytes == map_bytes.len() && report.map_crc32c == checksum(map_bytes);
-    Ok(is_its.then_some(report))
+    if report.map_bytes == map_bytes.len() && report.map_crc32c == checksum(map_bytes) {
+        return Ok(Beside { own: Some(report), note: None });
+    }
+    let note = format!(
+        "{} is the report of another map and is passed over, so how {} was built is not known and its landmarks count \
+         as known alike: put the report of its own build there, or remove this one",
+        path.display(),
+        map.display()
+    );
+    Ok(Beside { own: None, note: Some(note) })
 }
 
 #[cfg(test)]
@@ -167,12 +184,13 @@ mod tests {
     fn a_report_belongs_to_the_bytes_of_one_map() {
         let folder = tempfile::tempdir().unwrap();
         let map = folder.path().join("04.csm");
-        assert_eq!(read_beside(&map, b"some map").unwrap(), None);
+        assert_eq!(read_beside(&map, b"some map").unwrap(), Beside::default());
         let written = report(b"some map");
         write_with_map(&map, b"some map", Some(&written)).unwrap();
         assert!(folder.path().join("04.build.json").exists());
-        assert_eq!(read_beside(&map, b"some map").unwrap(), Some(written));
-        assert_eq!(read_beside(&map, b"some mop").unwrap(), None);
+        assert_eq!(read_beside(&map, b"some map").unwrap(), Beside { own: Some(written), note: None });
+        let Beside { own, note } = read_beside(&map, b"some mop").unwrap();
+        assert!(own.is_none() && note.unwrap().contains("04.build.json is the report of another map"));
         std::fs::write(path_beside(&map), "{}").unwrap();
         assert!(read_beside(&map, b"some map").unwrap_err().to_string().contains("04.build.json"));
     }
@@ -184,7 +202,7 @@ mod tests {
         let mut written = report(b"some map");
         written.config = serde_json::json!({ "a_setting_of_then": 3.0 });
         write_with_map(&map, b"some map", Some(&written)).unwrap();
-        let read = read_beside(&map, b"some map").unwrap().unwrap();
+        let read = read_beside(&map, b"some map").unwrap().own.unwrap();
         assert_eq!(
             (read.setting("/a_setting_of_then"), read.setting("/refine/graph/survey_sigma_m")),
             (Some(3.0), None)
@@ -202,7 +220,7 @@ mod tests {
             assert!(registration.remove(key).is_some(), "{key}");
         }
         std::fs::write(path_beside(&map), written.to_string()).unwrap();
-        assert_eq!(read_beside(&map, b"some map").unwrap(), Some(report(b"some map")));
+        assert_eq!(read_beside(&map, b"some map").unwrap().own, Some(report(b"some map")));
     }
 
     #[test]

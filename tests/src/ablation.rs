@@ -11,7 +11,7 @@ use localizer::run::Method;
 use localizer::solver::Loss;
 use serde::Serialize;
 
-use crate::trial::{Figures, Trial};
+use crate::trial::{Scored, Trial};
 
 /// A step beyond the paper.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -222,17 +222,17 @@ pub struct Row {
     pub without: String,
     /// What came of it.
     #[serde(flatten)]
-    pub figures: Figures,
+    pub outcome: Scored,
 }
 
 impl Row {
     /// Localizes the drive without this step.
     ///
     /// # Errors
-    /// As [`Trial::run`] and [`Trial::figures`].
+    /// As [`Trial::run`].
     pub fn of(step: Step, whole: &Trial) -> localizer::Result<Self> {
         let trial = step.without(whole);
-        Ok(Self { without: step.name(), figures: trial.figures(&trial.run()?)? })
+        Ok(Self { without: step.name(), outcome: trial.outcome(&trial.run()?) })
     }
 }
 

@@ -19,7 +19,7 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use serde::Serialize;
 
-use crate::trial::{Figures, Trial, is_good};
+use crate::trial::{Scored, Trial, is_good};
 
 /// Length of a stretch in which the camera is black, or frozen, frames.
 const BLACK_FRAMES: usize = 20;
@@ -249,7 +249,7 @@ pub struct Row {
     pub fault: String,
     /// What came of it.
     #[serde(flatten)]
-    pub figures: Figures,
+    pub outcome: Scored,
     /// For each end of the fault the frames until one is called ok and is: 0
     /// where the first is; none where no frame is any more.
     pub recovered_after: Vec<Option<usize>>,
@@ -259,14 +259,14 @@ impl Row {
     /// Localizes the drive with this fault.
     ///
     /// # Errors
-    /// As [`Trial::run`] and [`Trial::figures`].
+    /// As [`Faulty::look_again`] and [`Trial::run`].
     pub fn of(fault: Fault, clean: &Trial, seed: u64) -> localizer::Result<Self> {
         let Faulty { trial, ends, .. } = fault.applied(clean, seed).look_again()?;
         let results = trial.run()?;
         let errors = trial.errors(&results);
         Ok(Self {
             fault: fault.name(),
-            figures: trial.figures(&results)?,
+            outcome: trial.outcome(&results),
             recovered_after: ends.iter().map(|&end| recovered_after(end, &results, &errors)).collect(),
         })
     }

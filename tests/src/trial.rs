@@ -160,12 +160,11 @@ impl Trial {
         results.iter().filter_map(error).collect()
     }
 
-    /// The figures of a run.
-    ///
-    /// # Errors
-    /// Where nothing was localized after the start.
-    pub fn figures(&self, results: &[FrameResult]) -> localizer::Result<Figures> {
-        self.figures_after_start(results).ok_or_else(|| nothing_scored(results.len()))
+    /// What came of a run.
+    pub fn outcome(&self, results: &[FrameResult]) -> Scored {
+        let figures = self.figures_after_start(results);
+        let why_none = figures.is_none().then(|| nothing_scored(results.len()).to_string());
+        Scored { figures, why_none }
     }
 
     fn figures_after_start(&self, results: &[FrameResult]) -> Option<Figures> {
@@ -201,7 +200,42 @@ pub fn is_good(result: &FrameResult, error: &FrameError) -> bool {
     result.estimate.status == Status::Ok && error.position_m() < ALERT_LIMIT_M
 }
 
-/// What a row of a table says.
+/// What came of a run: figures, where anything was localized after the start.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Scored {
+    /// The figures.
+    #[serde(flatten)]
+    pub figures: Option<Figures>,
+    /// Why there are none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub why_none: Option<String>,
+}
+
+impl Scored {
+    /// A cell of a table: a dash where there are no figures.
+    pub fn cell(&self, of: impl Fn(&Figures) -> String) -> String {
+        self.figures.as_ref().map_or_else(|| "-".to_owned(), of)
+    }
+
+    /// A line for each stretch of frames that are called ok and are not.
+    pub fn stretches(&self) -> Vec<String> {
+        self.figures.as_ref().map_or_else(Vec::new, |figures| stretches(&figures.hazards))
+    }
+}
+
+/// That all rows of a table have figures, once all of it is said. Rows come by `kind`
+/// and with their names.
+///
+/// # Errors
+/// A sentence that names those without, and says why the first has none.
+pub fn all_scored<'a>(kind: &str, rows: impl Iterator<Item = (&'a str, &'a Scored)>) -> Result<(), String> {
+    let without: Vec<(&str, &str)> = rows.filter_map(|(name, of)| Some((name, of.why_none.as_deref()?))).collect();
+    let Some((_, why)) = without.first() else { return Ok(()) };
+    let names: Vec<String> = without.iter().map(|(name, _)| format!("`{name}`")).collect();
+    Err(format!("{kind} {}: {why}", names.join(", ")))
+}
+
+/// What a row of a table says where something was localized.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Figures {
     /// Frames that were scored.
@@ -259,7 +293,7 @@ impl Hazard {
 const STRETCH_GAP: usize = 5;
 
 /// A line for each stretch of hazardous frames: where it is, and its worst.
-pub fn stretches(hazards: &[Hazard]) -> Vec<String> {
+fn stretches(hazards: &[Hazard]) -> Vec<String> {
     let is_near = |a: &Hazard, b: &Hazard| b.error.frame.saturating_sub(a.error.frame) <= STRETCH_GAP;
     let line = |stretch: &[Hazard]| {
         let (first, last) = (stretch.first()?, stretch.last()?);

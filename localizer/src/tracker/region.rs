@@ -120,8 +120,14 @@ fn take_in(place: &mut State, rough: &Rough) {
 
 impl Tracker<'_> {
     /// Keeps the region up in which the camera is, whatever is tracked.
-    pub(super) fn follow_region(&mut self, dt_s: f64, input: &FrameInput<'_>) -> Result<()> {
+    /// `untold_s` is the time since the last image, however long, and `dt_s` what of it
+    /// poses are moved on for.
+    pub(super) fn follow_region(&mut self, dt_s: f64, untold_s: f64, input: &FrameInput<'_>) -> Result<()> {
         let config = &self.config;
+        let speed_m_s = self.bank.first().map_or(0.0, |best| best.state.velocity[2]);
+        let speed_m_s = speed_m_s.clamp(-config.bank.max_reverse_m_s, config.bank.max_speed_m_s);
+        self.unseen.drive(untold_s, input.odometry.and_then(|shown| shown.speed_m_s), speed_m_s);
+        self.course.drive(dt_s);
         self.region.time_variance_s2 = self.clock.variance_s2();
         self.region.drive(dt_s, |place| {
             *place = place.driven(dt_s, input.odometry.as_ref(), &config.motion, &config.odometry);
@@ -132,6 +138,23 @@ impl Tracker<'_> {
             }
         });
         if let Some(fix) = input.gps {
+            let within_m = config.gps.refused_sigmas * fix.horizontal_sigma_m;
+            let tracked = self.bank.first().map(|best| PoseParameters::from_pose(&best.state.map_from_camera).yaw_rad);
+            let (after, reverse_m_s) = (config.gps.believed_after, config.bank.max_reverse_m_s);
+            self.unseen.hear(fix, within_m);
+            self.course.take(fix, tracked, reverse_m_s);
+            let mut fix = self.course.corrected(fix, after);
+            let was_ever_ok = self.verdict.is_some_and(|verdict| verdict.was_ever_ok);
+            if !was_ever_ok
+                && !self.sight.shows_nothing()
+                && let Some(right) = self.course.overrules(&fix, after)
+            {
+                // It started with a wrong heading: again, with this one.
+                fix = right;
+                self.bank.clear();
+                (self.region, self.verdict) = (Region::default(), None);
+            }
+            let fix = &fix;
             let shown_m_s = input.odometry.and_then(|shown| shown.speed_m_s);
             let speed_m_s = shown_m_s.unwrap_or_else(|| self.region.speed_to(fix));
             let rough = self.rough_from(fix, speed_m_s)?;
@@ -232,161 +255,4 @@ pub(super) fn rough_of(region: &State, map: &LocalMap, roads: &[RoadKey], config
 }
 
 #[cfg(test)]
-mod tests {
-    use common::geometry::{Pose, retract};
-
-    use super::*;
-    use crate::testing::{IMAGE, Recipe, World};
-
-    const MOST: f64 = 25.0;
-    const CONTRADICTION: f64 = 8.0;
-
-    /// A fix so far to the right of where the region begins, and what it says.
-    fn fix(right_m: f64) -> (GpsFix, Rough) {
-        let position_map = Point3::new(right_m, 0.0, 0.0);
-        let fix = GpsFix { position_map, horizontal_sigma_m: 1.5, heading: Some((0.0, 0.03)), is_course: false };
-        let map_from_camera = retract(&Pose::identity(), &(Tangent::x() * right_m));
-        (fix, Rough { map_from_camera, sigmas: Vector6::new(1.5, 0.2, 1.5, 0.03, 0.03, 0.03) })
-    }
-
-    fn told(region: &mut Region, right_m: f64, times: usize, config: &Config) {
-        let (fix, rough) = fix(right_m);
-        (0..times).for_each(|_| region.take(&fix, &rough, config));
-    }
-
-    /// Who went 20 m with a heading known to 0.2 rad is aside by that.
-    #[test]
-    fn what_a_fix_says_of_the_side_is_not_said_again_by_its_heading() {
-        let (_, known) = fix(0.0);
-        let mut place = unknown_speed(&known, &Config::default());
-        let (side_m, heading_rad, way_m) = (1.0, 0.2, 20.0);
-        place.covariance[(4, 4)] = heading_rad * heading_rad;
-        place.covariance[(0, 0)] = side_m * side_m + (way_m * heading_rad) * (way_m * heading_rad);
-        for at in [(0, 4), (4, 0)] {
-            place.covariance[at] = way_m * heading_rad * heading_rad;
-        }
-        let (_, mut rough) = fix(3.0);
-        rough.map_from_camera = retract(&rough.map_from_camera, &Tangent::new(0.0, 0.0, 0.0, 0.0, 0.15, 0.0));
-        take_in(&mut place, &rough);
-        let off = local(&known.map_from_camera, &place.map_from_camera);
-        assert!((off[0] - 3.0).abs() < 0.4 && (off[4] - 0.15).abs() < 0.03, "{off}");
-    }
-
-    #[test]
-    fn what_was_lost_for_long_is_still_as_high_and_as_level_as_the_road() {
-        let world = World::new(Recipe::default());
-        let (map, roads) = world.local_map();
-        let (config, truth) = (Config::default(), world.truth[100]);
-        let off = Tangent::new(1.0, 2.5, 4.0, 0.2, 0.0, -0.15);
-        // Stands 0.3 m higher than the survey's camera, and nods and leans against it.
-        let (higher_m, rest_rad) = (0.3, [0.04, -0.03]);
-        let rough = |sigma_m: f64, sigma_rad: f64| {
-            let sigmas = Vector6::new(sigma_m, sigma_m, sigma_m, sigma_rad, sigma_rad, sigma_rad);
-            let known = Rough { map_from_camera: retract(&truth, &off), sigmas };
-            let state = State { higher_m, rest_rad, ..unknown_speed(&known, &config) };
-            rough_of(&state, &map, &roads, &config)
-        };
-        let lost = rough(3.0, 0.2);
-        let off = local(&truth, &lost.map_from_camera);
-        assert!((off[1] + higher_m).abs() < 0.1, "{off}");
-        assert!((off[3] - rest_rad[0]).abs() < 0.02 && (off[5] - rest_rad[1]).abs() < 0.01, "{off}");
-        let start = &config.start;
-        let [height_m, pitch_rad, roll_rad] = [1, 3, 5].map(|component| lost.sigmas[component]);
-        assert!(height_m <= start.height_sigma_m && pitch_rad.max(roll_rad) <= start.tilt_sigma_rad);
-        assert!(lost.sigmas[2] >= 3.0 - 1e-9, "{}", lost.sigmas);
-        // Who knows that better keeps it.
-        let known = local(&truth, &rough(0.05, 0.005).map_from_camera);
-        assert!((known[1] - 2.5).abs() < 0.3 && (known[3] - 0.2).abs() < 0.02, "{known}");
-    }
-
-    #[test]
-    fn who_is_lost_for_an_hour_goes_no_faster_and_no_further_than_vehicles_do() {
-        let world = World::new(Recipe::default());
-        let (mut map, _) = world.local_map();
-        let (config, truth) = (Config::default(), world.truth[100]);
-        let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, &config);
-        let mut state = unknown_speed(&fix(0.0).1, &config);
-        (state.map_from_camera, state.velocity[2]) = (truth, 400.0);
-        tracker.region.trust(&state, CONTRADICTION);
-        let features = world.features(100);
-        let input = FrameInput { time_s: 0.0, features: &features, gps: None, odometry: None };
-        // As fast as that was only until its speed is asked for.
-        tracker.follow_region(1.0, &input).unwrap();
-        let mut before = tracker.region.searched(&config.gps).unwrap().map_from_camera;
-        for _ in 0..3600 {
-            tracker.follow_region(1.0, &input).unwrap();
-            let place = tracker.region.searched(&config.gps).unwrap();
-            let way_m = local(&before, &place.map_from_camera).fixed_rows::<3>(0).norm();
-            assert!(way_m < 2.0 * config.bank.max_speed_m_s, "{way_m} m in a second");
-            let sigmas_m = place.pose_covariance().diagonal().map(f64::sqrt);
-            assert!(sigmas_m.iter().all(|sigma| *sigma <= 1.01 * config.health.max_lost_sigma_m), "{sigmas_m}");
-            before = place.map_from_camera;
-        }
-    }
-
-    #[test]
-    fn more_fixes_of_one_receiver_do_not_tell_more() {
-        let (mut region, config) = (Region::default(), Config::default());
-        told(&mut region, 0.0, 30, &config);
-        let variance_m2 = region.trusted.as_ref().unwrap().covariance[(0, 0)];
-        assert!((1.0..2.3).contains(&variance_m2), "{variance_m2}");
-    }
-
-    /// A state so far to the right, known to 0.15 m across.
-    fn at(right_m: f64, config: &Config) -> State {
-        let mut state = unknown_speed(&fix(right_m).1, config);
-        state.sharpen(0, 0.1);
-        state
-    }
-
-    #[test]
-    fn where_a_trusted_pose_contradicts_the_one_before_both_may_be_right() {
-        let (mut region, config) = (Region::default(), Config::default());
-        let against = |region: &Region, state: &State| region.against(state, &config.gps, MOST);
-        let (here, there, away) = (at(0.0, &config), at(4.0, &config), at(12.0, &config));
-        region.trust(&here, CONTRADICTION);
-        assert!((against(&region, &there) - MOST).abs() < 1e-9);
-        // A wrong lock does not speak against where it jumped from, however often
-        // it is trusted, but against all other places.
-        for _ in 0..3 {
-            region.trust(&there, CONTRADICTION);
-        }
-        assert!(against(&region, &here) < 1e-9 && against(&region, &there) < 1e-9);
-        assert!((against(&region, &away) - MOST).abs() < 1e-9);
-        // Once it is undone, it does not count any more.
-        region.trust(&here, CONTRADICTION);
-        assert!(against(&region, &here) < 1e-9 && (against(&region, &there) - MOST).abs() < 1e-9);
-    }
-
-    #[test]
-    fn a_fix_tells_which_of_the_trusted_poses_was_wrong() {
-        let (mut region, config) = (Region::default(), Config::default());
-        for right_m in [0.0, 20.0] {
-            region.trust(&at(right_m, &config), CONTRADICTION);
-        }
-        let against = |region: &Region| region.against(&at(0.0, &config), &config.gps, MOST);
-        // A reflection contradicts both, and tells nothing.
-        told(&mut region, 60.0, 1, &config);
-        assert!(against(&region) < 1e-9);
-        told(&mut region, 20.0, 1, &config);
-        assert!((against(&region) - MOST).abs() < 1e-9);
-    }
-
-    #[test]
-    fn where_fixes_contradict_what_was_trusted_both_may_be_right() {
-        let (mut region, config) = (Region::default(), Config::default());
-        let (here, there) = (at(0.0, &config), at(20.0, &config));
-        region.trust(&here, CONTRADICTION);
-        let against = |region: &Region, state: &State| region.against(state, &config.gps, MOST);
-        told(&mut region, 20.0, config.gps.believed_after - 1, &config);
-        assert!(against(&region, &here) < 1e-9 && (against(&region, &there) - MOST).abs() < 1e-9);
-        assert_eq!(region.searched(&config.gps), Some(&here));
-        told(&mut region, 20.0, 1, &config);
-        assert!(against(&region, &here) < 1e-9 && against(&region, &there) < 1.0);
-        let searched = region.searched(&config.gps).unwrap().map_from_camera;
-        assert!((searched.translation.x - 20.0).abs() < 1e-6);
-        // One that agrees again says that the others were reflections.
-        told(&mut region, 0.5, 1, &config);
-        assert!((against(&region, &there) - MOST).abs() < 1e-9);
-    }
-}
+mod tests;

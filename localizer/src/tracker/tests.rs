@@ -7,6 +7,7 @@ use crate::features::LineFeature;
 use crate::gps::{GpsConfig, simulate};
 use crate::testing::{IMAGE, Recipe, World, time_s};
 
+mod astray;
 mod bank;
 mod trust;
 mod wheels;

@@ -1,6 +1,6 @@
 //! A map on the disk, as a reduction starts from it.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use common::map::{SemanticMap, decode_with_layout};
 
@@ -8,7 +8,7 @@ use super::{BudgetConfig, Known};
 use crate::config::Config;
 use crate::error::Result;
 use crate::evidence::MapEvidence;
-use crate::report::{BuildReport, path_beside, read_beside};
+use crate::report::{Beside, BuildReport, read_beside};
 
 /// A map file with what its report says about it.
 #[derive(Debug, Clone)]
@@ -23,8 +23,8 @@ pub struct Stored {
     pub bytes: usize,
     /// The report beside it.
     pub report: Option<BuildReport>,
-    /// A report beside it that is of another map.
-    pub foreign_report: Option<PathBuf>,
+    /// Why the report beside it is passed over, for people.
+    pub note: Option<String>,
     /// The settings of the budget.
     pub config: BudgetConfig,
 }
@@ -38,15 +38,14 @@ impl Stored {
         let settings = Config::load(settings)?;
         let bytes = std::fs::read(path).map_err(common::Error::io(path))?;
         let (map, layout) = decode_with_layout(&bytes).map_err(common::Error::in_file(path))?;
-        let report = read_beside(path, &bytes)?;
-        let foreign_report = Some(path_beside(path)).filter(|path| report.is_none() && path.exists());
+        let Beside { own: report, note } = read_beside(path, &bytes)?;
         let evidence = report
             .as_ref()
             .map(|report| report.evidence.clone())
             .filter(|evidence| evidence.fits(&map))
             .unwrap_or_else(|| MapEvidence::assumed(&map, &settings.evidence));
         let (quantum_m, bytes, config) = (layout.quantum_m, bytes.len(), settings.budget);
-        Ok(Self { map, evidence, quantum_m, bytes, report, foreign_report, config })
+        Ok(Self { map, evidence, quantum_m, bytes, report, note, config })
     }
 
     /// What a reduction starts from.

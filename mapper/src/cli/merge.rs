@@ -50,6 +50,8 @@ struct Summary {
     sources: PathBuf,
     /// Maps that were given more than once.
     repeated: usize,
+    /// What was passed over.
+    notes: Vec<String>,
     wall_s: f64,
     peak_bytes: Option<u64>,
     #[serde(flatten)]
@@ -72,9 +74,11 @@ impl Merge {
         )?;
         let started = Instant::now();
         let mut sources = Sources::default();
-        let mut repeated = 0;
+        let (mut repeated, mut notes) = (0, Vec::new());
         for path in &self.maps {
-            repeated += sources.add_file(path)?;
+            let added = sources.add_file(path)?;
+            repeated += added.repeated;
+            notes.extend(added.note);
         }
         let merged = merge(&sources.read()?, &config);
         // One map alone stays as it is, to the byte.
@@ -90,11 +94,15 @@ impl Merge {
                 bytes: bytes.len(),
                 sources: path_beside(out),
                 repeated,
+                notes,
                 wall_s,
                 peak_bytes: peak_bytes(),
                 report: merged.report,
             })?;
             return Ok(Outcome::Done);
+        }
+        for note in &notes {
+            print(&format!("{note}\n"));
         }
         if repeated > 0 {
             let which = if repeated == 1 { "one map was" } else { "some maps were" };

@@ -53,7 +53,7 @@ impl Reduce {
         outputs::check(&outputs, [&*self.map, &*of_map].into_iter().chain(self.config.as_deref()))?;
         let stored = Stored::read(&self.map, self.config.as_deref())?;
         let reduced = reduce(stored.known(), self.budget, &stored.config)?;
-        let notes: Vec<String> = stored.foreign_report.as_deref().map(foreign_note).into_iter().collect();
+        let notes: Vec<String> = stored.note.into_iter().collect();
         let report = stored.report.map(|report| BuildReport {
             map_bytes: reduced.bytes.len(),
             map_crc32c: checksum(&reduced.bytes),
@@ -82,10 +82,6 @@ impl Reduce {
         ));
         Ok(Outcome::Done)
     }
-}
-
-fn foreign_note(report: &Path) -> String {
-    format!("{} is the report of another map: all landmarks count as known alike", report.display())
 }
 
 /// How many landmarks were kept, as a line of text.

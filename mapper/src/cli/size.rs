@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use common::map::atlas::is_atlas;
+use common::output::print_note;
 use serde::Serialize;
 
 use super::{Outcome, print, print_json};
@@ -72,11 +73,15 @@ impl Size {
             Inspection::of_file(&self.map)?.bytes
         };
         if self.curve {
-            let rows = self.rows()?;
+            let stored = Stored::read(&self.map, self.config.as_deref())?;
+            let rows = self.rows(&stored)?;
             if self.json {
+                // The rows alone are the document.
+                stored.note.iter().for_each(print_note);
                 print_json(&rows)?;
             } else {
-                print(&format!("{}: {bytes} bytes\n{}", self.map.display(), table(&rows)));
+                let note = stored.note.map_or_else(String::new, |note| note + "\n");
+                print(&format!("{}: {bytes} bytes\n{note}{}", self.map.display(), table(&rows)));
             }
         } else if self.budget.is_none() {
             print(&format!("{}: {bytes} bytes\n", self.map.display()));
@@ -84,8 +89,7 @@ impl Size {
         Ok(self.budget.map_or(Outcome::Done, |budget| within(&self.map, bytes, budget)))
     }
 
-    fn rows(&self) -> Result<Vec<CurveRow>> {
-        let stored = Stored::read(&self.map, self.config.as_deref())?;
+    fn rows(&self, stored: &Stored) -> Result<Vec<CurveRow>> {
         let sizes: &[usize] = if self.at.is_empty() { &SIZES } else { &self.at };
         let sizes = sizes.iter().copied().map(Some).chain([None]);
         let row = |budget_bytes: Option<usize>| {

@@ -18,7 +18,7 @@ use common::map::{EncodeOptions, SemanticMap, layout};
 use super::known;
 use crate::error::{Error, Result};
 use crate::evidence::{MapEvidence, PointCovariances};
-use crate::report::{checksum, read_beside};
+use crate::report::{Beside, checksum, read_beside};
 
 /// The first bytes of a file of sources.
 const MAGIC: &[u8; 4] = b"CSMS";
@@ -29,6 +29,15 @@ const VERSION: u8 = 2;
 /// their points as bytes: none where they are not known.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Sources(BTreeMap<Arc<[u8]>, Arc<[u8]>>);
+
+/// What came of a map file that was added.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Added {
+    /// Of its sources those that were there already.
+    pub repeated: usize,
+    /// Why the report beside it is passed over, for people.
+    pub note: Option<String>,
+}
 
 /// One source, read.
 #[derive(Debug, Clone)]
@@ -71,20 +80,21 @@ impl Sources {
     }
 
     /// Adds the sources of a map file: those that lie beside it, else the map
-    /// itself with what the report of its build knows of it. Says how many
-    /// were there already.
+    /// itself with what the report of its build knows of it.
     ///
     /// # Errors
     /// A file that cannot be read or is no map; sources beside it that are not
     /// its own; a report that is none.
-    pub fn add_file(&mut self, path: &Path) -> Result<usize> {
+    pub fn add_file(&mut self, path: &Path) -> Result<Added> {
         let bytes = std::fs::read(path).map_err(common::Error::io(path))?;
         let map = SemanticMap::decode(&bytes).map_err(common::Error::in_file(path))?;
         let beside = path_beside(path);
+        let mut added = Added::default();
         let sources = match std::fs::read(&beside) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                let evidence = read_beside(path, &bytes)?.map(|report| report.evidence);
-                let known = known_bytes(&map, evidence.as_ref());
+                let Beside { own, note } = read_beside(path, &bytes)?;
+                added.note = note;
+                let known = known_bytes(&map, own.as_ref().map(|report| &report.evidence));
                 [(bytes.into(), known)].into()
             }
             read => {
@@ -93,7 +103,8 @@ impl Sources {
                     .0
             }
         };
-        Ok(sources.into_iter().map(|(bytes, known)| usize::from(!self.insert(bytes, known))).sum())
+        added.repeated = sources.into_iter().map(|(bytes, known)| usize::from(!self.insert(bytes, known))).sum();
+        Ok(added)
     }
 
     /// The maps, in their own order.
@@ -268,12 +279,12 @@ mod tests {
         let path = folder.path().join("a.csm");
         common::map::write(&path, &map("a"), &EncodeOptions::default()).unwrap();
         let mut sources = Sources::default();
-        assert_eq!(sources.add_file(&path).unwrap(), 0);
-        assert_eq!(sources.add_file(&path).unwrap(), 1);
+        assert_eq!(sources.add_file(&path).unwrap(), Added { repeated: 0, note: None });
+        assert_eq!(sources.add_file(&path).unwrap(), Added { repeated: 1, note: None });
         assert_eq!(sources.0.len(), 1);
         let area = folder.path().join("area.csm");
         two().write(&area, &map("area").encode(&EncodeOptions::default()).unwrap()).unwrap();
-        assert_eq!(sources.add_file(&area).unwrap(), 1);
+        assert_eq!(sources.add_file(&area).unwrap().repeated, 1);
         assert_eq!(sources, two());
     }
 }

@@ -7,9 +7,11 @@ use clap::{Parser, ValueEnum};
 use waymark_tests::ablation::{Row, Step};
 use waymark_tests::cli::{Outcome, ended};
 use waymark_tests::faults::Fault;
-use waymark_tests::trial::{TrialArgs, stretches};
+use waymark_tests::trial::{TrialArgs, all_scored};
 
 /// Localizes a drive with each step beyond the paper switched off, alone.
+///
+/// A row without figures is one in which nothing was localized.
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Arguments {
@@ -44,41 +46,39 @@ fn run(arguments: &Arguments) -> Outcome {
     let mut rows = Vec::new();
     for &step in steps {
         let row = Row::of(step, &whole).map_err(|error| format!("without `{}`: {error}", step.name()))?;
-        if arguments.of.json {
-            rows.push(row);
-            continue;
+        if !arguments.of.json {
+            common::say!("{}", line(&row));
         }
-        common::say!("{}", line(&row));
-        if arguments.of.list {
-            for stretch in stretches(&row.figures.hazards) {
+        if arguments.of.list && !arguments.of.json {
+            for stretch in row.outcome.stretches() {
                 common::say!("    {stretch}");
             }
         }
+        rows.push(row);
     }
     if arguments.of.json {
         common::say!("{}", serde_json::to_string_pretty(&rows)?);
     }
-    Ok(())
+    Ok(all_scored("without", rows.iter().map(|row| (row.without.as_str(), &row.outcome)))?)
 }
 
 const HEADER: &str =
     "without         RMS m   max m  <0.5 m %    ok %  hazardous  NEES  lost at the end  median ms   p99 ms";
 
 fn line(row: &Row) -> String {
-    let figures = &row.figures;
-    let nees = figures.mean_nees.map_or_else(|| "-".to_owned(), |nees| format!("{nees:.1}"));
-    let (median_ms, p99_ms) = figures.time.map_or((0.0, 0.0), |time| (time.median_ms, time.p99_ms));
+    let of = &row.outcome;
+    let dash = || "-".to_owned();
     format!(
-        "{:<13} {:>7.3} {:>7.2} {:>9.1} {:>7.1} {:>10} {:>5} {:>16} {:>10.3} {:>8.2}",
+        "{:<13} {:>7} {:>7} {:>9} {:>7} {:>10} {:>5} {:>16} {:>10} {:>8}",
         row.without,
-        figures.rms_m,
-        figures.max_m,
-        100.0 * figures.under_half_metre,
-        100.0 * (1.0 - figures.flagged),
-        figures.hazards.len(),
-        nees,
-        if figures.is_lost_at_end { "yes" } else { "no" },
-        median_ms,
-        p99_ms
+        of.cell(|figures| format!("{:.3}", figures.rms_m)),
+        of.cell(|figures| format!("{:.2}", figures.max_m)),
+        of.cell(|figures| format!("{:.1}", 100.0 * figures.under_half_metre)),
+        of.cell(|figures| format!("{:.1}", 100.0 * (1.0 - figures.flagged))),
+        of.cell(|figures| figures.hazards.len().to_string()),
+        of.cell(|figures| figures.mean_nees.map_or_else(dash, |nees| format!("{nees:.1}"))),
+        of.cell(|figures| if figures.is_lost_at_end { "yes" } else { "no" }.to_owned()),
+        of.cell(|figures| figures.time.map_or_else(dash, |time| format!("{:.3}", time.median_ms))),
+        of.cell(|figures| figures.time.map_or_else(dash, |time| format!("{:.2}", time.p99_ms)))
     )
 }

@@ -50,6 +50,9 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Outcome {
     let stored = Stored::read(&arguments.map, arguments.config.as_deref())?;
     let whole = stored.known();
+    if let Some(note) = &stored.note {
+        common::say!("{note}");
+    }
     let seen = look(arguments)?;
     common::say!(
         "{}: {} bytes; errors of {} starts, metres and degrees",

@@ -26,9 +26,10 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Outcome {
-    let Stored { map, report, .. } = Stored::read(&arguments.of.map, None)?;
+    let Stored { map, report, note, .. } = Stored::read(&arguments.of.map, None)?;
     let evidence = report.map(|report| report.evidence).filter(|evidence| evidence.fits(&map)).ok_or_else(|| {
-        format!("{} has no report of its build beside it; build it again", arguments.of.map.display())
+        let none = || format!("{} has no report of its build beside it; build it again", arguments.of.map.display());
+        note.unwrap_or_else(none)
     })?;
     let (truth, exact) = arguments.of.truth()?;
     let built = read_poses(&arguments.trajectory)?;

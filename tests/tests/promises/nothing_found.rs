@@ -1,11 +1,12 @@
-//! Figures of nothing are no figures: a drive in which nothing is localized gets a
-//! sentence.
+//! Figures of nothing are no figures, and a map of nothing is no map: a drive in which
+//! nothing is seen or localized gets a sentence.
 
 use std::path::Path;
 
+use common::kitti::{ScanPoint, write_scan};
 use common::map::{EncodeOptions, SemanticMap};
 
-use crate::support::{plain, run, run_path, text, write_png};
+use crate::support::{build, plain, run, run_path, text, write_png};
 
 const FAULTS: &str = env!("CARGO_BIN_EXE_faults");
 const ABLATION: &str = env!("CARGO_BIN_EXE_ablation");
@@ -33,6 +34,19 @@ fn a_drive_in_which_nothing_is_localized_has_no_figures() {
     run("localizer", &[&["trial", "--draws", "1"], &drive[..]].concat()).refused(&[said]);
     run_path(FAULTS, &[&drive[..], &["--only", "black"]].concat()).refused(&["fault `black`: ", said]);
     run_path(ABLATION, &[&drive[..], &["--only", "bank"]].concat()).refused(&["without `bank`: ", said]);
+    // What nothing is found in is a row, too, and those after it are not lost.
+    let faults = run_path(FAULTS, &[&drive[..], &["--only", "black,none"]].concat());
+    faults.refused(&["fault `black`, `none`: ", said]);
+    let ablation = run_path(ABLATION, &[&drive[..], &["--only", "bank,none"]].concat());
+    ablation.refused(&["without `bank`, `none`: ", said]);
+    for (table, rows) in [(&faults.out, ["black", "none"]), (&ablation.out, ["bank", "none"])] {
+        let last: Vec<&str> = table.lines().skip(2).collect();
+        assert_eq!(last.len(), 2, "{table}");
+        assert!(last.iter().zip(rows).all(|(line, row)| line.starts_with(row) && line.contains(" - ")), "{table}");
+    }
+    let rows = run_path(FAULTS, &[&drive[..], &["--only", "black,none", "--json"]].concat());
+    let rows: serde_json::Value = serde_json::from_str(&rows.out).unwrap();
+    assert!(rows[1]["why_none"].as_str().unwrap().starts_with(said) && rows[1].get("rms_m").is_none(), "{rows}");
     let out = root.path().join("figures");
     run_path(FIGURES, &[&drive[..], &["--out", text(&out)]].concat()).refused(&[said]);
     assert!(!out.exists());
@@ -40,6 +54,27 @@ fn a_drive_in_which_nothing_is_localized_has_no_figures() {
     assert_eq!(measured.matches("| no frame was localized").count(), 2, "{measured}");
     let least = run_path(BUDGET_CURVE, &[&drive[..], &["--at", "1", "--starts", "1"]].concat()).ok();
     assert!(least.contains("     1 no map fits: 0 road stretches") && !least.contains("--budget"), "{least}");
+}
+
+#[test]
+fn a_drive_of_blind_scans() {
+    let root = plain();
+    let folder = root.path().join("sequences/04/velodyne");
+    let scans: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let high = |i: u16| ScanPoint { x_m: 10.0 + 0.01 * f32::from(i), y_m: 0.0, z_m: 8.0, reflectance: 0.5 };
+    let all_high: Vec<ScanPoint> = (0..1000).map(high).collect();
+    for (points, said) in [
+        (
+            &[ScanPoint { x_m: f32::NAN, ..ScanPoint::default() }; 9][..],
+            "no scan has a point with finite coordinates within reach",
+        ),
+        (&all_high, "no scan shows anything of it, so they hold no returns of the ground"),
+    ] {
+        for scan in &scans {
+            write_scan(scan, points).unwrap();
+        }
+        build(root.path(), "04", &root.path().join("04.csm"), &["--every", "1"]).refused(&["kitti 04: ", said]);
+    }
 }
 
 #[test]

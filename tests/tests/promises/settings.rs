@@ -171,6 +171,18 @@ fn what_people_are_told_stands_in_the_json_too() {
     };
     assert_eq!(json(reduce(&["--json"]))["notes"], serde_json::json!([]));
     std::fs::copy(root.path().join("other.build.json"), root.path().join("04.build.json")).unwrap();
-    assert!(reduce(&[]).contains("04.build.json is the report of another map"));
+    let foreign = "04.build.json is the report of another map";
+    assert!(reduce(&[]).contains(foreign));
     assert_eq!(json(reduce(&["--json"]))["notes"].as_array().unwrap().len(), 1);
+    // So do all that read it.
+    let area = root.path().join("area.csm");
+    let merge = ["merge", text(&map), text(&other), "--out", text(&area)];
+    for words in [&["inspect", text(&map)][..], &["size", text(&map), "--curve"], &merge] {
+        assert!(run("mapper", words).ok().contains(foreign), "{words:?}");
+    }
+    let merged = json(run("mapper", &[&merge[..], &["--json"]].concat()).ok());
+    assert_eq!(merged["notes"].as_array().unwrap().len(), 1);
+    let curve = run("mapper", &["size", text(&map), "--curve", "--json"]);
+    assert!(curve.err.starts_with("note: ") && curve.err.contains(foreign));
+    assert!(json(curve.ok()).is_array());
 }

@@ -15,7 +15,7 @@ use crate::odometry::OdometryConfig;
 use crate::preselect::PreselectConfig;
 use crate::solver::SolverConfig;
 use crate::start::StartConfig;
-use crate::tracker::{BankConfig, ClockConfig, HealthConfig, NearbyConfig, RivalConfig};
+use crate::tracker::{BankConfig, ClockConfig, HealthConfig, NearbyConfig, RivalConfig, UnseenConfig};
 use crate::vision::VisionConfig;
 use crate::visual_odometry::VisualOdometryConfig;
 
@@ -130,7 +130,12 @@ pub const LIMITS: &[Limits] = &[
     limits("gps.heading_sigma_deg", 0.1, 180.0),
     limits("gps.horizontal_sigma_m", 0.01, 1000.0),
     limits("gps.course_sigma_m_s", 0.0, 100.0),
+    limits("gps.way_*_rad", 0.0, 3.2),
     limits("gps.*", 0.0, 1e6),
+    limits("unseen.longest_told_s", 0.1, 3600.0),
+    limits("unseen.longest_untold_s", 0.1, 3600.0),
+    limits("unseen.any_heading_rad", 0.0, 10.0),
+    limits("unseen.*", 0.1, 1e4),
     limits("local_map.*_m", 1.0, 1e5),
 ];
 
@@ -172,6 +177,8 @@ pub struct Config {
     pub nearby: NearbyConfig,
     /// When to trust.
     pub health: HealthConfig,
+    /// What is known after images failed to come.
+    pub unseen: UnseenConfig,
     /// GPS fixes.
     pub gps: GpsConfig,
     /// What of an atlas is held in memory.

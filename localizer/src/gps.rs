@@ -41,6 +41,15 @@ pub struct GpsConfig {
     /// So many fixes in a row that are refused may be right, and what was
     /// expected wrong: both places are believed until the images tell.
     pub believed_after: usize,
+    /// A way from fix to fix says whither a vehicle heads where it is so many standard
+    /// deviations of the positions at its ends long.
+    pub way_sigmas: f64,
+    /// A heading that is off the way by more contradicts it, radians: no corner is as
+    /// sharp from one fix to the next.
+    pub way_contradicts_rad: f64,
+    /// Standard deviation of a heading about the way that led there, radians: half of
+    /// what a car turns within a second.
+    pub way_turned_rad: f64,
 }
 
 impl Default for GpsConfig {
@@ -53,6 +62,9 @@ impl Default for GpsConfig {
             fuse: false,
             refused_sigmas: 4.0,
             believed_after: 3,
+            way_sigmas: 3.0,
+            way_contradicts_rad: 1.0,
+            way_turned_rad: 0.2,
         }
     }
 }

@@ -20,6 +20,7 @@ use crate::associate::robust::{Associator, Question, Refined};
 use crate::config::Config;
 use crate::local_map::{LocalMap, RoadKey};
 use crate::solver::Prior;
+pub(crate) use cells::wrapped;
 use cells::{Cell, Cells};
 use field::Field;
 pub use rough::{Rough, Stance, keep_on_road};

@@ -48,14 +48,7 @@ use hypothesis::Hypothesis;
 use region::Region;
 use sight::Sight;
 use unseen::Unseen;
-
-/// Time after which nothing is known of where a vehicle went that nobody saw, seconds: at
-/// the speed of towns it is three hundred metres away, as far as it is ever searched. Moved
-/// on for a day, at the speed that it had, it would be beyond the Earth's other side.
-const LONGEST_UNTOLD_S: f64 = 30.0;
-/// The same where wheels and gyroscope tell: of minutes, one mean speed and one turn say
-/// little more than whether it stood.
-const LONGEST_TOLD_S: f64 = 300.0;
+pub use unseen::UnseenConfig;
 
 /// What one frame brings.
 #[derive(Debug, Clone, Copy)]
@@ -148,8 +141,9 @@ impl<'a> Tracker<'a> {
         if self.sight.shows_the_same && dt_s <= 0.0 && input.gps.is_none() {
             return Ok(self.said.as_ref());
         }
-        let (untold_s, dt_s) =
-            (dt_s, dt_s.min(if input.odometry.is_some() { LONGEST_TOLD_S } else { LONGEST_UNTOLD_S }));
+        let config = &self.config.unseen;
+        let longest_s = if input.odometry.is_some() { config.longest_told_s } else { config.longest_untold_s };
+        let (untold_s, dt_s) = (dt_s, dt_s.min(longest_s));
         self.clock.tick(dt_s, self.sight.shows_the_same, &self.config.clock);
         self.unfollowed_s += dt_s;
         let odometry = self.believed(dt_s, input.odometry);
@@ -375,7 +369,7 @@ impl<'a> Tracker<'a> {
         let said = if status == Status::Ok { alone } else { self.bank.as_slice() };
         let (map_from_camera, mut covariance) = mean::mean_of(said, self.config.bank.doubt)?;
         covariance += late;
-        if let Some(unseen) = self.unseen.covariance(&map_from_camera) {
+        if let Some(unseen) = self.unseen.covariance(&map_from_camera, &self.config.unseen) {
             covariance += unseen;
         }
         let mut correspondences = self.said.take().map_or_else(Vec::new, |said| said.correspondences);

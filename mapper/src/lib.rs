@@ -32,6 +32,7 @@ mod outputs;
 pub mod passes;
 pub mod path;
 pub mod poles;
+mod quantile;
 pub mod register;
 pub mod report;
 pub mod roads;

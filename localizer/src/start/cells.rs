@@ -153,7 +153,7 @@ fn stance(at: &PoseParameters, map: &LocalMap, roads: &[RoadKey], config: &Start
 }
 
 /// An angle in -pi..pi.
-fn wrapped(angle_rad: f64) -> f64 {
+pub(crate) fn wrapped(angle_rad: f64) -> f64 {
     angle_rad.sin().atan2(angle_rad.cos())
 }
 

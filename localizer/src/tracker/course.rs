@@ -1,20 +1,16 @@
 //! The way from fix to fix: whither a vehicle heads that drives forward, whatever its
 //! receiver tells of its heading.
 
-use std::f64::consts::{PI, SQRT_2, TAU};
+use std::f64::consts::SQRT_2;
 
+use common::geometry::PoseParameters;
 use nalgebra::Point3;
 
-use crate::gps::GpsFix;
+use super::Tracker;
+use super::region::Region;
+use crate::gps::{GpsConfig, GpsFix};
 
-/// A heading that is off the way by more contradicts it, radians: no corner is as sharp
-/// from one fix to the next.
-const CONTRADICTS_RAD: f64 = 1.0;
-/// Standard deviation of a heading about the way that led there, radians: half of what a
-/// car turns within a second.
-const TURNED_RAD: f64 = 0.2;
-/// A way is as long as so many standard deviations of the positions at its ends.
-const LEAST_SIGMAS: f64 = 3.0;
+use crate::start::wrapped;
 
 /// What the fixes of a vehicle that moves say of its heading.
 #[derive(Debug, Clone, Default)]
@@ -29,11 +25,6 @@ pub(super) struct Course {
     against_tracked: usize,
 }
 
-/// The angle from one heading to another, radians.
-fn turned_rad(from_rad: f64, to_rad: f64) -> f64 {
-    (to_rad - from_rad + PI).rem_euclid(TAU) - PI
-}
-
 impl Course {
     /// Time passes.
     pub fn drive(&mut self, dt_s: f64) {
@@ -44,14 +35,14 @@ impl Course {
 
     /// Takes in a fix, and the heading that is tracked, radians. Who goes no faster than
     /// `reverse_m_s` may go backwards, and ways that differ from each other say nothing.
-    pub fn take(&mut self, fix: &GpsFix, tracked_rad: Option<f64>, reverse_m_s: f64) {
+    fn take(&mut self, fix: &GpsFix, tracked_rad: Option<f64>, reverse_m_s: f64, config: &GpsConfig) {
         let Some((from_map, since_s)) = self.began else {
             self.began = Some((fix.position_map, 0.0));
             return;
         };
         let way = fix.position_map - from_map;
         let (way_m, sigma_m) = (way.xz().norm(), SQRT_2 * fix.horizontal_sigma_m);
-        if since_s <= 0.0 || way_m < LEAST_SIGMAS * sigma_m {
+        if since_s <= 0.0 || way_m < config.way_sigmas * sigma_m {
             return;
         }
         self.began = Some((fix.position_map, 0.0));
@@ -61,25 +52,19 @@ impl Course {
             return;
         }
         let way_rad = way.x.atan2(way.z);
-        self.way = Some((way_rad, TURNED_RAD.hypot(sigma_m.atan2(way_m))));
-        let contradicts = |heading_rad: f64| turned_rad(heading_rad, way_rad).abs() > CONTRADICTS_RAD;
+        self.way = Some((way_rad, config.way_turned_rad.hypot(sigma_m.atan2(way_m))));
+        let contradicts = |heading_rad: f64| wrapped(way_rad - heading_rad).abs() > config.way_contradicts_rad;
         let goes_on = !before.is_some_and(|(before_rad, _)| contradicts(before_rad));
-        let count = |so_far: usize, heading_rad: Option<f64>| match heading_rad {
-            Some(heading_rad) if contradicts(heading_rad) => {
-                if goes_on {
-                    so_far + 1
-                } else {
-                    1
-                }
-            }
-            _ => 0,
+        let count = |so_far: usize, heading_rad: Option<f64>| {
+            let so_far = if goes_on { so_far } else { 0 };
+            if heading_rad.is_some_and(contradicts) { so_far + 1 } else { 0 }
         };
         self.against_told = count(self.against_told, fix.heading.map(|(yaw_rad, _)| yaw_rad));
         self.against_tracked = count(self.against_tracked, tracked_rad);
     }
 
     /// The fix with the heading of the way, where so many ways contradict what it tells.
-    pub fn corrected(&self, fix: &GpsFix, after: usize) -> GpsFix {
+    fn corrected(&self, fix: &GpsFix, after: usize) -> GpsFix {
         match self.way {
             Some(way) if self.against_told >= after => GpsFix { heading: Some(way), is_course: false, ..*fix },
             _ => *fix,
@@ -88,15 +73,36 @@ impl Course {
 
     /// The fix with the heading of the way, once where so many ways contradict what is
     /// tracked.
-    pub fn overrules(&mut self, fix: &GpsFix, after: usize) -> Option<GpsFix> {
+    fn overrules(&mut self, fix: &GpsFix, after: usize) -> Option<GpsFix> {
         let way = self.way.filter(|_| self.against_tracked >= after)?;
         self.against_tracked = 0;
         Some(GpsFix { heading: Some(way), is_course: false, ..*fix })
     }
 }
 
+impl Tracker<'_> {
+    /// A fix as it is believed: with the heading of the way where that overrules what it
+    /// tells, and all begins again where that overrules what was tracked and never ok.
+    pub(super) fn with_right_heading(&mut self, fix: &GpsFix) -> GpsFix {
+        let (gps, after) = (&self.config.gps, self.config.gps.believed_after);
+        let tracked = self.bank.first().map(|best| PoseParameters::from_pose(&best.state.map_from_camera).yaw_rad);
+        self.course.take(fix, tracked, self.config.bank.max_reverse_m_s, gps);
+        let fix = self.course.corrected(fix, after);
+        let was_ever_ok = self.verdict.is_some_and(|verdict| verdict.was_ever_ok);
+        if was_ever_ok || self.sight.shows_nothing() {
+            return fix;
+        }
+        let Some(right) = self.course.overrules(&fix, after) else { return fix };
+        self.bank.clear();
+        (self.region, self.verdict) = (Region::default(), None);
+        right
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     const AFTER: usize = 3;
@@ -107,11 +113,11 @@ mod tests {
         let heading = Some((told_rad, 0.03));
         let mut fix = GpsFix { position_map: Point3::origin(), horizontal_sigma_m: 1.5, heading, is_course: true };
         let mut course = Course::default();
-        course.take(&fix, Some(tracked_rad), 3.0);
+        course.take(&fix, Some(tracked_rad), 3.0, &GpsConfig::default());
         for step_m in steps_m {
             course.drive(1.0);
             fix.position_map.x += step_m;
-            course.take(&fix, Some(tracked_rad), 3.0);
+            course.take(&fix, Some(tracked_rad), 3.0, &GpsConfig::default());
         }
         (course, fix)
     }

@@ -126,7 +126,7 @@ impl Tracker<'_> {
         let config = &self.config;
         let speed_m_s = self.bank.first().map_or(0.0, |best| best.state.velocity[2]);
         let speed_m_s = speed_m_s.clamp(-config.bank.max_reverse_m_s, config.bank.max_speed_m_s);
-        self.unseen.drive(untold_s, input.odometry.and_then(|shown| shown.speed_m_s), speed_m_s);
+        self.unseen.drive(untold_s, input.odometry.and_then(|shown| shown.speed_m_s), speed_m_s, &config.unseen);
         self.course.drive(dt_s);
         self.region.time_variance_s2 = self.clock.variance_s2();
         self.region.drive(dt_s, |place| {
@@ -138,23 +138,8 @@ impl Tracker<'_> {
             }
         });
         if let Some(fix) = input.gps {
-            let within_m = config.gps.refused_sigmas * fix.horizontal_sigma_m;
-            let tracked = self.bank.first().map(|best| PoseParameters::from_pose(&best.state.map_from_camera).yaw_rad);
-            let (after, reverse_m_s) = (config.gps.believed_after, config.bank.max_reverse_m_s);
-            self.unseen.hear(fix, within_m);
-            self.course.take(fix, tracked, reverse_m_s);
-            let mut fix = self.course.corrected(fix, after);
-            let was_ever_ok = self.verdict.is_some_and(|verdict| verdict.was_ever_ok);
-            if !was_ever_ok
-                && !self.sight.shows_nothing()
-                && let Some(right) = self.course.overrules(&fix, after)
-            {
-                // It started with a wrong heading: again, with this one.
-                fix = right;
-                self.bank.clear();
-                (self.region, self.verdict) = (Region::default(), None);
-            }
-            let fix = &fix;
+            self.unseen.hear(fix, config.gps.refused_sigmas * fix.horizontal_sigma_m);
+            let fix = &self.with_right_heading(fix);
             let shown_m_s = input.odometry.and_then(|shown| shown.speed_m_s);
             let speed_m_s = shown_m_s.unwrap_or_else(|| self.region.speed_to(fix));
             let rough = self.rough_from(fix, speed_m_s)?;

@@ -6,20 +6,48 @@
 
 use common::geometry::Pose;
 use nalgebra::{Matrix6, Point3, Vector6};
+use serde::{Deserialize, Serialize};
 
 use crate::estimate::Status;
 use crate::gps::GpsFix;
 
-/// Longest time without an image after which the filter knows where a vehicle is, seconds:
-/// within it a car goes round a corner.
-const LONGEST_SEEN_S: f64 = 3.0;
-/// What goes unseen goes at the speed of towns or faster, m/s: who stood may have set off.
-const TOWN_M_S: f64 = 10.0;
-/// Way after which a vehicle may head anywhere, metres: half a circle of a small car.
-const TURNED_M: f64 = 15.0;
-/// Standard deviation of a heading of which nothing is known, radians: the same chance
-/// for all.
-const ANY_HEADING_RAD: f64 = 1.8;
+/// What is known of a vehicle whose camera was off.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct UnseenConfig {
+    /// Longest time without an image after which the filter knows where a vehicle is,
+    /// seconds: within it a car goes round a corner.
+    pub longest_seen_s: f64,
+    /// Time after which nothing is known of where a vehicle went that nobody saw, seconds:
+    /// at the speed of towns it is three hundred metres away, as far as it is ever
+    /// searched. Moved on for a day, at the speed that it had, it would be beyond the
+    /// Earth's other side.
+    pub longest_untold_s: f64,
+    /// The same where wheels and gyroscope tell, seconds: of minutes, one mean speed and
+    /// one turn say little more than whether it stood.
+    pub longest_told_s: f64,
+    /// What goes unseen goes as fast or faster, m/s, as in towns: who stood may have set
+    /// off.
+    pub least_m_s: f64,
+    /// Way after which a vehicle may head anywhere, metres: half a circle of a small car.
+    pub turned_m: f64,
+    /// Standard deviation of a heading of which nothing is known, radians: the same chance
+    /// for all.
+    pub any_heading_rad: f64,
+}
+
+impl Default for UnseenConfig {
+    fn default() -> Self {
+        Self {
+            longest_seen_s: 3.0,
+            longest_untold_s: 30.0,
+            longest_told_s: 300.0,
+            least_m_s: 10.0,
+            turned_m: 15.0,
+            any_heading_rad: 1.8,
+        }
+    }
+}
 
 /// What is not known since the images failed to come.
 #[derive(Debug, Clone, Default)]
@@ -34,9 +62,10 @@ pub(super) struct Unseen {
 impl Unseen {
     /// Takes in a time without an image, and the speed of the vehicle: `told_m_s` by what
     /// tells it all along, else `tracked_m_s`, which it had when it was last seen.
-    pub fn drive(&mut self, dt_s: f64, told_m_s: Option<f64>, tracked_m_s: f64) {
-        if dt_s > LONGEST_SEEN_S || self.fix_map.is_some() {
-            let least_m_s = if dt_s > LONGEST_SEEN_S { TOWN_M_S } else { 0.0 };
+    pub fn drive(&mut self, dt_s: f64, told_m_s: Option<f64>, tracked_m_s: f64, config: &UnseenConfig) {
+        let is_long = dt_s > config.longest_seen_s;
+        if is_long || self.fix_map.is_some() {
+            let least_m_s = if is_long { config.least_m_s } else { 0.0 };
             self.way_m += told_m_s.map_or(tracked_m_s.abs().max(least_m_s), f64::abs) * dt_s;
         }
     }
@@ -59,10 +88,11 @@ impl Unseen {
 
     /// What is not known of a pose, in its tangent: as far to the right as forward, and its
     /// heading; none where all was seen.
-    pub fn covariance(&self, map_from_camera: &Pose) -> Option<Matrix6<f64>> {
+    pub fn covariance(&self, map_from_camera: &Pose, config: &UnseenConfig) -> Option<Matrix6<f64>> {
         let position_map = Point3::from(map_from_camera.translation.vector);
         let off_m = self.fix_map.map_or(0.0, |fix_map| (fix_map - position_map).xz().norm());
-        let (off_m, heading_rad) = (self.way_m.hypot(off_m), ANY_HEADING_RAD * (self.way_m / TURNED_M).min(1.0));
+        let turned = (self.way_m / config.turned_m).min(1.0);
+        let (off_m, heading_rad) = (self.way_m.hypot(off_m), config.any_heading_rad * turned);
         let sigmas = Vector6::new(off_m, 0.0, off_m, 0.0, heading_rad, 0.0);
         (self.way_m > 0.0).then(|| Matrix6::from_diagonal(&sigmas.component_mul(&sigmas)))
     }
@@ -73,19 +103,19 @@ mod tests {
     use super::*;
 
     fn sigmas(unseen: &Unseen) -> Vector6<f64> {
-        unseen.covariance(&Pose::identity()).unwrap_or_default().diagonal().map(f64::sqrt)
+        unseen.covariance(&Pose::identity(), &UnseenConfig::default()).unwrap_or_default().diagonal().map(f64::sqrt)
     }
 
     #[test]
     fn what_went_unseen_is_as_far_away_as_it_can_have_gone_to_any_side() {
         let mut unseen = Unseen::default();
-        unseen.drive(0.1, None, 12.0);
+        unseen.drive(0.1, None, 12.0, &UnseenConfig::default());
         assert!(sigmas(&unseen).norm() <= 0.0 && unseen.judged(Status::Degraded, false) == Status::Degraded);
-        unseen.drive(30.0, None, 12.0);
+        unseen.drive(30.0, None, 12.0, &UnseenConfig::default());
         let after = sigmas(&unseen);
         assert!((after[0] - 360.0).abs() < 1e-9 && (after[2] - 360.0).abs() < 1e-9 && after[4] > 1.5, "{after}");
         // Images come again, and do not say where.
-        unseen.drive(0.1, None, 12.0);
+        unseen.drive(0.1, None, 12.0, &UnseenConfig::default());
         assert!((sigmas(&unseen) - after).norm() <= 0.0);
         assert_eq!(
             (unseen.judged(Status::Degraded, false), unseen.judged(Status::Ok, true)),
@@ -99,7 +129,7 @@ mod tests {
     fn who_stood_may_have_set_off_but_where_wheels_say_that_it_did_not() {
         for (told_m_s, least_m) in [(None, 290.0), (Some(0.0), 0.0)] {
             let mut unseen = Unseen::default();
-            unseen.drive(30.0, told_m_s, 0.0);
+            unseen.drive(30.0, told_m_s, 0.0, &UnseenConfig::default());
             let right_m = sigmas(&unseen)[0];
             assert!(right_m >= least_m && (told_m_s.is_none() || right_m <= 0.0), "{right_m}");
         }
@@ -108,14 +138,14 @@ mod tests {
     #[test]
     fn a_fix_says_where_it_went() {
         let mut unseen = Unseen::default();
-        unseen.drive(30.0, None, 12.0);
+        unseen.drive(30.0, None, 12.0, &UnseenConfig::default());
         let position_map = Point3::new(30.0, 0.0, 40.0);
         unseen.hear(&GpsFix { position_map, horizontal_sigma_m: 1.5, heading: None, is_course: false }, 6.0);
         // What is said 50 m from it is off by about as much.
         let right_m = sigmas(&unseen)[0];
         assert!((50.0..51.0).contains(&right_m), "{right_m}");
         assert_eq!(unseen.judged(Status::Degraded, false), Status::Degraded);
-        unseen.drive(0.5, None, 12.0);
+        unseen.drive(0.5, None, 12.0, &UnseenConfig::default());
         let later_m = sigmas(&unseen)[0];
         assert!(later_m > right_m + 0.5, "{later_m}");
     }

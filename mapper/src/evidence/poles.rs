@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Point2, Vector2};
 use super::scatter::Scatter;
 use super::{EvidenceConfig, PointEvidence};
 use crate::cloud::{Cloud, CloudPoint};
+use crate::quantile::upper_median;
 
 /// A hit near the axis: how far off it, and from where it was seen.
 struct Hit {
@@ -26,7 +27,7 @@ pub fn of_pole(cloud: &Cloud, pole: &Pole, config: &EvidenceConfig) -> PointEvid
     let hits = hits(cloud, pole, config);
     let mut scatter = Scatter::<2>::default();
     let before_m =
-        median(hits.iter().map(|hit| -hit.off_m.dot(&hit.from_lidar)).collect()).clamp(0.0, LARGEST_RADIUS_M);
+        upper_median(hits.iter().map(|hit| -hit.off_m.dot(&hit.from_lidar)).collect()).clamp(0.0, LARGEST_RADIUS_M);
     for hit in &hits {
         let residual_m = hit.off_m + hit.from_lidar * before_m;
         if residual_m.norm() < config.reach_m {
@@ -75,11 +76,6 @@ fn hits(cloud: &Cloud, pole: &Pole, config: &EvidenceConfig) -> Vec<Hit> {
         Some(Hit { off_m, from_lidar, height_m: -p.position.y, scan: p.scan })
     };
     cloud.near(&Point2::new(foot.x, foot.z)).filter_map(hit).collect()
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 fn evidence(

@@ -6,8 +6,9 @@ use common::map::{Pole, Sign};
 use nalgebra::{Matrix3, Point3};
 
 use super::cluster::{Place, cluster};
-use super::weights::{Mean, covariance_m2, information, upper_median, vote};
+use super::weights::{Mean, covariance_m2, information, vote};
 use super::{FuseConfig, Fused, Sighting};
+use crate::quantile::upper_median;
 
 /// How much less a difference in height counts than one in place when poles are
 /// compared: feet are seen as far down as what hides them lets one, while 3 m

@@ -43,14 +43,6 @@ pub(super) fn information(covariance_m2: &Matrix3<f64>) -> Matrix3<f64> {
     covariance_m2.try_inverse().unwrap_or_else(Matrix3::identity)
 }
 
-/// The median, of an even number the larger of both in the middle: of two
-/// passes the one that saw more of a landmark, of many what most agree on. 0
-/// for no values.
-pub(super) fn upper_median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
-}
-
 /// The kind that most have; of equally many the one with more information in
 /// all, then the first.
 pub(super) fn vote<K: Copy + Ord>(ballots: impl Iterator<Item = (K, f64)>) -> Option<K> {
@@ -92,7 +84,5 @@ mod tests {
         assert_eq!(vote([(1, 9.0), (2, 1.0), (2, 1.0)].into_iter()), Some(2));
         assert_eq!(vote([(1, 1.0), (2, 2.0)].into_iter()), Some(2));
         assert_eq!(vote(std::iter::empty::<(u8, f64)>()), None);
-        assert!((upper_median(vec![4.0, 1.0]) - 4.0).abs() < 1e-12);
-        assert!((upper_median(vec![4.0, 1.0, 2.0]) - 2.0).abs() < 1e-12);
     }
 }

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::LidarConfig;
 use crate::drive::Drive;
 use crate::error::Result;
+use crate::quantile::quantile;
 use crate::scan::LidarScan;
 
 /// How the beams are measured, and from when on they are others than was said.
@@ -18,6 +19,13 @@ use crate::scan::LidarScan;
 pub struct MeasureConfig {
     /// Whether scans that contradict what is said of the lidar are believed.
     pub is_on: bool,
+    /// Scans of a drive that are measured, from its first to its last: its ends may be in
+    /// a garage.
+    pub scans: usize,
+    /// Share of the points below which only strays lie.
+    pub below_lowest: f64,
+    /// The same of the far ones above the highest beam: it meets something in few directions.
+    pub above_highest: f64,
     /// Nearest points that are looked at, metres along the ground: nearer ones are of the
     /// vehicle, and show the place of the beams' apex rather than their directions.
     pub nearest_m: f64,
@@ -47,6 +55,9 @@ impl Default for MeasureConfig {
     fn default() -> Self {
         Self {
             is_on: true,
+            scans: 3,
+            below_lowest: 0.002,
+            above_highest: 0.001,
             nearest_m: 1.5,
             far_m: 10.0,
             band_rad: [-0.244, -0.07],
@@ -58,13 +69,6 @@ impl Default for MeasureConfig {
         }
     }
 }
-
-/// Scans of a drive that are measured: its ends may be in a garage.
-const SCANS: usize = 3;
-
-/// Share of the points below which only strays lie, and above which, of those that are far.
-const LOW: f64 = 0.002;
-const HIGH: f64 = 0.999;
 
 /// Steps that beams, and the points along them, may have, radians: those of settings.
 const STEPS_RAD: RangeInclusive<f64> = 1e-5..=0.2;
@@ -87,8 +91,9 @@ pub fn measured(drive: &mut Drive, said: &LidarConfig) -> Result<LidarConfig> {
     if !said.measure.is_on || !drive.has_single_scans() {
         return Ok(*said);
     }
-    let step = (drive.frames.len() - 1) / (SCANS - 1).max(1);
-    let frames: Vec<usize> = drive.frames.iter().copied().step_by(step.max(1)).take(SCANS).collect();
+    let (scans, last) = (said.measure.scans, drive.frames.len().saturating_sub(1));
+    let step = last / scans.saturating_sub(1).max(1);
+    let frames: Vec<usize> = drive.frames.iter().copied().step_by(step.max(1)).take(scans).collect();
     let scans: Vec<LidarScan> = frames.iter().map(|frame| drive.read(*frame, 0.0)).collect::<Result<_>>()?;
     let by = |said: &LidarConfig| {
         let shown: Vec<Shown> = scans.iter().filter_map(|scan| Shown::by(&scan.points, said)).collect();
@@ -142,21 +147,22 @@ impl Shown {
         let mut counts: Vec<usize> = sectors.iter().map(Vec::len).filter(|n| *n > 0).collect();
         counts.sort_unstable();
         let full = *counts.get(3 * counts.len() / 4)?;
-        let steps = sectors.iter_mut().filter(|sector| 2 * sector.len() >= full).filter_map(|sector| apart(sector));
-        let elevation_step = middle(steps.collect()).filter(|step| STEPS_RAD.contains(step))?;
+        let full_sectors = sectors.iter_mut().filter(|sector| 2 * sector.len() >= full);
+        let mut steps: Vec<f64> = full_sectors.filter_map(|sector| apart(sector)).collect();
+        let elevation_step = quantile(&mut steps, 0.5).filter(|step| STEPS_RAD.contains(step))?;
         let per_radian_2 = full as f64 / (sector_rad * (config.band_rad[1] - config.band_rad[0]));
         let azimuth_step = (per_radian_2 * elevation_step).recip();
         STEPS_RAD.contains(&azimuth_step).then_some(Self {
             azimuth_step,
             elevation_step,
-            highest: quantile(&mut far, HIGH).map_or(said.highest_rad, f64::atan),
-            lowest: quantile(&mut all, LOW)?.atan(),
+            highest: quantile(&mut far, 1.0 - config.above_highest).map_or(said.highest_rad, f64::atan),
+            lowest: quantile(&mut all, config.below_lowest)?.atan(),
         })
     }
 
     /// What most scans show; the highest that any of them saw.
     fn middle(shown: &[Self]) -> Option<Self> {
-        let of = |value: fn(&Self) -> f64| middle(shown.iter().map(value).collect());
+        let of = |value: fn(&Self) -> f64| quantile(&mut shown.iter().map(value).collect::<Vec<_>>(), 0.5);
         Some(Self {
             azimuth_step: of(|s| s.azimuth_step)?,
             elevation_step: of(|s| s.elevation_step)?,
@@ -196,17 +202,6 @@ fn apart(elevations: &mut [f64]) -> Option<f64> {
         gone += gap;
         2.0 * gone >= way
     })
-}
-
-fn middle(mut values: Vec<f64>) -> Option<f64> {
-    quantile(&mut values, 0.5)
-}
-
-/// The value below which a share of the values lies.
-fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
-    let last = values.len().checked_sub(1)?;
-    let at = ((values.len() as f64 * share) as usize).min(last);
-    Some(*values.select_nth_unstable_by(at, f64::total_cmp).1)
 }
 
 #[cfg(test)]

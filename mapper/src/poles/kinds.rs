@@ -141,6 +141,7 @@ impl<'a> Kinds<'a> {
     /// Whether a crown or a roof is over it: a parasol is no post either.
     fn has_crown(&self, pole: &FittedPole) -> bool {
         let (at, config) = (Point2::new(pole.top.x, pole.top.z), self.config);
+        let far_m = (config.crown_radii_m[1] + config.trees.reach_of_others_m).max(config.trees.widest_board_m);
         let others: Vec<Other> = self
             .poles
             .iter()
@@ -150,7 +151,7 @@ impl<'a> Kinds<'a> {
             })
             .filter(|other| {
                 let off_m = (other.at - at).norm();
-                off_m >= config.ring_inner_m && off_m <= config.trees.widest_board_m
+                off_m >= config.ring_inner_m && off_m <= far_m
             })
             .collect();
         has_crown(pole, &others, self.stacks, config)

@@ -7,7 +7,7 @@ use common::geometry::Pose;
 use nalgebra::{Matrix3, Matrix6, Vector3};
 
 use super::graph::{GraphConfig, Motion};
-use super::median;
+use crate::quantile::upper_median;
 use crate::roads::runs;
 
 /// Steps that are looked at together, two to either side: a survey that lost its
@@ -30,7 +30,7 @@ pub(super) fn doubts(survey: &[Pose], motions: &[Motion], weights: &[Matrix6<f64
             // Of the steps to and from the frame as many as there are.
             let first = (frame + 1).saturating_sub(STEPS.div_ceil(2)).min(steps.len().saturating_sub(STEPS));
             let around = &steps[first..(first + STEPS).min(steps.len())];
-            let doubt = (median(around) / MEDIAN_CHI_SQUARE).sqrt();
+            let doubt = (upper_median(around.to_vec()) / MEDIAN_CHI_SQUARE).sqrt();
             if around.len() >= FEWEST_STEPS && doubt > config.robust_sigmas { doubt } else { 1.0 }
         })
         .collect()
@@ -100,7 +100,7 @@ pub(super) fn survey_sigma_m(
     }
     // A standard deviation is 1.48 median deviations; two positions make a
     // distance.
-    let found_m2 = (1.48_f64.powi(2) * median(&off_m2) - median(&open_m2)) / 2.0;
+    let found_m2 = (1.48_f64.powi(2) * upper_median(off_m2) - upper_median(open_m2)) / 2.0;
     config.survey_sigma_m.max(found_m2.max(0.0).sqrt())
 }
 

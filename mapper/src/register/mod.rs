@@ -18,10 +18,3 @@ pub use refine::{RefineConfig, Registration, Report, refine};
 pub use revisits::{RevisitConfig, RevisitReport};
 pub use search::SearchConfig;
 pub use vertical_angle::VerticalAngleConfig;
-
-/// The upper median; 0 of nothing.
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
-}

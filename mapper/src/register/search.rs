@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::align::ScanSurface;
 use super::local_map::LocalMap;
-use super::median;
+use crate::quantile::upper_median;
 
 /// How a shift between two passes is searched.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -98,7 +98,7 @@ fn ground_shift(map: &LocalMap, scan: &[ScanSurface], guess: &Pose, config: &Sea
             lowest.get(&column(&moved)).map(|y| y - moved.y)
         })
         .collect();
-    median(&off)
+    upper_median(off)
 }
 
 #[cfg(test)]

@@ -4,11 +4,12 @@ use common::geometry::local;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::RefineConfig;
 use super::graph::Motion;
 use super::odometry::{KnownCells, ScanCells, odometry};
-use super::{RefineConfig, median};
 use crate::drive::Drive;
 use crate::error::Result;
+use crate::quantile::upper_median;
 
 /// How an error of the lidar's vertical angles is found: points too low by a
 /// constant angle bend the ground, and a scan laid on the bent ground of the
@@ -74,10 +75,10 @@ const OUTLIER_SIGMAS: f64 = 5.0;
 /// The pairs of differences neither of which lies far from all others.
 fn without_outliers(none: &[f64], some: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let limits = |values: &[f64]| {
-        let middle = median(values);
+        let middle = upper_median(values.to_vec());
         let off: Vec<f64> = values.iter().map(|v| (v - middle).abs()).collect();
         // 1.48 medians of the absolute deviations are one standard deviation.
-        (middle, OUTLIER_SIGMAS * 1.48 * median(&off))
+        (middle, OUTLIER_SIGMAS * 1.48 * upper_median(off))
     };
     let ((none_middle, none_limit), (some_middle, some_limit)) = (limits(none), limits(some));
     none.iter()

@@ -12,6 +12,7 @@ use std::ops::Range;
 use nalgebra::{Matrix2, Vector2};
 
 use super::config::OutlineConfig;
+use crate::quantile::quantile;
 
 /// Where a row ends on both sides.
 #[derive(Debug, Clone, Copy)]
@@ -95,21 +96,19 @@ fn plate_cost(rows: &[Ends], config: &OutlineConfig) -> f64 {
 
 /// The length of the longest rows, metres: these are not hidden.
 fn widest_m(rows: &[Ends]) -> f64 {
-    quantile(rows, WHOLE, |row| row.width_m)
+    of_share(rows, WHOLE, |row| row.width_m)
 }
 
 /// The value that a share of the rows lies below.
-fn quantile(rows: &[Ends], share: f64, value: fn(&Ends) -> f64) -> f64 {
-    let mut values: Vec<f64> = rows.iter().map(value).collect();
-    let at = ((values.len() as f64 * share) as usize).min(values.len() - 1);
-    *values.select_nth_unstable_by(at, f64::total_cmp).1
+fn of_share(rows: &[Ends], share: f64, value: fn(&Ends) -> f64) -> f64 {
+    quantile(&mut rows.iter().map(value).collect::<Vec<_>>(), share).unwrap_or(0.0)
 }
 
 /// How badly rows fit the best convex shape, in rows.
 fn shape_cost(rows: &[Ends], config: &OutlineConfig) -> f64 {
     let width_m = widest_m(rows);
     let whole: Vec<Ends> = rows.iter().copied().filter(|row| row.width_m >= LEAST_WHOLE * width_m).collect();
-    let middle_m = quantile(&whole, 0.5, |row| row.middle_m);
+    let middle_m = of_share(&whole, 0.5, |row| row.middle_m);
     let origin = rows[rows.len() / 2].height_m;
     let edges: Vec<Edge<'_>> = rows
         .iter()

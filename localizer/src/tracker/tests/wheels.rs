@@ -40,7 +40,7 @@ fn a_day_in_which_nobody_saw_it_takes_a_vehicle_no_further_than_some_minutes() {
         let gap = Mishap { late_s: &late_s, before: &is_one, has_wheels, ..NONE };
         let run = run(&world, &GpsConfig::default(), 1, &gap);
         let most_m = run.errors_m.iter().copied().fold(0.0, f64::max);
-        assert!(most_m < LONGEST_TOLD_S * Config::default().bank.max_speed_m_s, "{most_m} m");
+        assert!(most_m < Config::default().unseen.longest_told_s * Config::default().bank.max_speed_m_s, "{most_m} m");
         assert_eq!(run.lies(), 0);
     }
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::{Matrix2, Point2, SymmetricEigen, Vector2};
 
-use super::{SLICES, Stacks, around, spans};
+use super::{SLICES, Span, Stacks, around};
 
 /// What fills a part of the space.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -36,9 +36,7 @@ impl Stacks {
         steps.retain(|step| !is_out(&(at + off(*step))));
         let (mut count, mut sum, mut squares) = (0.0, Vector2::zeros(), Matrix2::zeros());
         for step in &steps {
-            let column = spans(&[*step]);
-            let filled =
-                self.around(cell, &column).map(|columns| self.filled_in(columns)).fold(0, |all, bits| all | bits);
+            let filled = self.filled(cell, &[Span { first: step.0, last: step.0, z: step.1 }]);
             let voxels = wanted.clone().filter(|s| filled & (1_u64 << s) != 0).count() as f64;
             count += voxels;
             sum += voxels * off(*step);

@@ -1,11 +1,12 @@
 //! Networks run by `rten`, in this program.
 
 use rten::{Dimension, NodeId, NodeInfo, Value};
-use rten_onnx::onnx::{AttributeProto, GraphProto, ModelProto, NodeProto};
+use rten_onnx::onnx::{GraphProto, ModelProto};
 use rten_tensor::TensorView;
 use rten_tensor::prelude::Layout as _;
 
 use super::{Model, Signature, Tensor};
+use crate::vision::network::simplify::{is, number};
 use crate::vision::network::softmax;
 
 /// A network, and what of it is computed here.
@@ -40,7 +41,6 @@ pub(super) fn load(bytes: Vec<u8>) -> Result<RtenModel, String> {
 /// ends with.
 fn channel_softmax<'a>(graph: &'a GraphProto, output: &'a str) -> Option<(&'a str, &'a str)> {
     let maker = |name: &str| graph.node.iter().find(|node| node.output.iter().any(|o| o == name));
-    let is = |node: &NodeProto, kind: &str| node.op_type.as_deref() == Some(kind);
     let is_computed = |name: &&String| maker(name).is_some_and(|node| !is(node, "Constant"));
     let mut name = output;
     // No way is longer than the graph.
@@ -49,8 +49,7 @@ fn channel_softmax<'a>(graph: &'a GraphProto, output: &'a str) -> Option<(&'a st
         let mut inputs = node.input.iter().filter(is_computed);
         let (Some(input), None) = (inputs.next(), inputs.next()) else { return None };
         if is(node, "Softmax") {
-            let is_over_channels = |a: &AttributeProto| a.name.as_deref() == Some("axis") && a.i == Some(1);
-            return node.attribute.iter().any(is_over_channels).then_some((input, name));
+            return (number(node, "axis") == Some(1)).then_some((input, name));
         }
         name = input;
     }

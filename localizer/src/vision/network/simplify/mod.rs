@@ -51,12 +51,12 @@ fn sweep(graph: &mut GraphProto) {
 }
 
 /// A whole number that a node is told.
-fn number(node: &NodeProto, attribute: &str) -> Option<i64> {
+pub(super) fn number(node: &NodeProto, attribute: &str) -> Option<i64> {
     node.attribute.iter().find(|is| is.name.as_deref() == Some(attribute))?.i
 }
 
 /// Whether a node is this operator of the standard.
-fn is(node: &NodeProto, operator: &str) -> bool {
+pub(super) fn is(node: &NodeProto, operator: &str) -> bool {
     node.op_type.as_deref() == Some(operator) && matches!(node.domain.as_deref(), None | Some("" | "ai.onnx"))
 }
 

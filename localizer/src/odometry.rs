@@ -201,6 +201,21 @@ impl OdometryLog {
         times_s.windows(2).filter(|step| self.between(step[0], step[1]).is_some()).count()
     }
 
+    /// Ends of its steps between two times, seconds, each `apart_s` or more behind the one
+    /// before, and before the end.
+    pub fn ends_between(&self, from_s: f64, to_s: f64, apart_s: f64) -> impl Iterator<Item = f64> + '_ {
+        let first = self.steps.partition_point(|step| step.ended_s <= from_s);
+        let ends_s = self.steps[first..].iter().map(|step| step.ended_s);
+        let ends_s = ends_s.take_while(move |end_s| *end_s + apart_s <= to_s);
+        ends_s
+            .scan(from_s, move |last_s, end_s| {
+                let is_apart = end_s - *last_s >= apart_s;
+                *last_s = if is_apart { end_s } else { *last_s };
+                Some(is_apart.then_some(end_s))
+            })
+            .flatten()
+    }
+
     /// The mean motion from one time to another, seconds; none where the log
     /// does not cover all of it. The speed is known where it is all along.
     pub fn between(&self, from_s: f64, to_s: f64) -> Option<Odometry> {
@@ -273,6 +288,18 @@ mod tests {
         assert_eq!(log.between(0.01, 0.08), off.between(0.01, 0.08));
         assert!(off.between(0.07, 0.09).is_some() && log.between(0.07, 0.09).is_none());
         assert!(log.between(0.1, 0.12).is_some());
+    }
+
+    #[test]
+    fn ends_are_apart_and_before_the_end() {
+        let log = read_text("0.1,10,0\n0.2,10,0\n0.3,10,0\n0.8,10,0\n0.9,10,0\n1.0,10,0\n").unwrap();
+        let ends_s = |from_s, to_s, apart_s| log.ends_between(from_s, to_s, apart_s).collect::<Vec<_>>();
+        assert_eq!(ends_s(0.1, 1.0, 0.15), vec![0.3, 0.8]);
+        assert_eq!(ends_s(0.0, 5.0, 0.25), vec![0.3, 0.8]);
+        assert_eq!(ends_s(0.2, 0.41, 0.09), vec![0.3]);
+        for [from_s, to_s] in [[0.3, 0.3], [0.9, 0.1], [2.0, 3.0], [0.1, 0.3]] {
+            assert!(ends_s(from_s, to_s, 0.15).is_empty(), "{from_s} {to_s}");
+        }
     }
 
     #[test]

@@ -72,6 +72,15 @@ impl<'a> Localizer<'a> {
         }
     }
 
+    /// Since when a log is to be asked for the motion up to the next frame, seconds, after
+    /// what it tells of a long time before; none before the first frame. The paper asks none.
+    fn coast(&mut self, until_s: f64, log: &OdometryLog) -> Result<Option<f64>> {
+        match self {
+            Self::Robust(tracker) => tracker.coast(until_s, log),
+            Self::Paper(_) => Ok(None),
+        }
+    }
+
     /// The pose at the next frame; none before the first GPS fix.
     ///
     /// # Errors
@@ -137,18 +146,17 @@ pub fn localize(
     odometry: &OdometryLog,
     mut localizer: Localizer<'_>,
 ) -> Result<Vec<FrameResult>> {
-    let mut last_s = None;
     let odometry =
         localizer.config().map_or_else(|| odometry.clone(), |config| odometry.without_jumps(&config.odometry));
     let mut step = |seen: &FrameFeatures| -> Result<Option<FrameResult>> {
         let started = Instant::now();
+        let since_s = localizer.coast(seen.time_s, &odometry)?;
         let input = FrameInput {
             time_s: seen.time_s,
             features: &seen.features,
             gps: fixes.get(&seen.frame),
-            odometry: last_s.and_then(|last_s| odometry.between(last_s, seen.time_s)),
+            odometry: since_s.and_then(|since_s| odometry.between(since_s, seen.time_s)),
         };
-        last_s = Some(seen.time_s);
         let Some(estimate) = localizer.step(&input)? else { return Ok(None) };
         let features = &seen.features;
         Ok(Some(FrameResult {

@@ -11,6 +11,7 @@ mod anchor;
 mod bank;
 mod believed;
 mod clock;
+mod coast;
 mod course;
 mod health;
 mod hypothesis;
@@ -73,6 +74,10 @@ pub struct Tracker<'a> {
     /// The buffer that the bank is moved to next.
     spare: Vec<Hypothesis>,
     last_time_s: Option<f64>,
+    /// Time since the last image that was gone through, seconds.
+    since_image_s: f64,
+    /// What of it nothing told how fast it went, seconds.
+    untold_s: f64,
     /// What of the odometry was not believed.
     doubts: Doubts,
     /// Where the camera must be by GPS and by the last trusted pose.
@@ -107,6 +112,8 @@ impl<'a> Tracker<'a> {
             bank: Vec::new(),
             spare: Vec::new(),
             last_time_s: None,
+            since_image_s: 0.0,
+            untold_s: 0.0,
             doubts: Doubts::default(),
             region: Region::default(),
             course: Course::default(),
@@ -141,14 +148,14 @@ impl<'a> Tracker<'a> {
         if self.sight.shows_the_same && dt_s <= 0.0 && input.gps.is_none() {
             return Ok(self.said.as_ref());
         }
-        let config = &self.config.unseen;
-        let longest_s = if input.odometry.is_some() { config.longest_told_s } else { config.longest_untold_s };
-        let (untold_s, dt_s) = (dt_s, dt_s.min(longest_s));
-        self.clock.tick(dt_s, self.sight.shows_the_same, &self.config.clock);
+        let untold_s = dt_s + std::mem::take(&mut self.untold_s);
+        let dt_s = self.longest_s(dt_s, input.odometry.as_ref());
+        let since_image_s = dt_s + std::mem::take(&mut self.since_image_s);
+        self.clock.tick(since_image_s, self.sight.shows_the_same, &self.config.clock);
         self.unfollowed_s += dt_s;
         let odometry = self.believed(dt_s, input.odometry);
         self.predict(dt_s, odometry.as_ref());
-        self.follow_region(dt_s, untold_s, &FrameInput { odometry, ..*input })?;
+        self.follow_region(dt_s, untold_s, odometry.as_ref(), input.gps)?;
         self.observe(dt_s, input.gps)?;
         if self.sight.shows_nothing() {
             return Ok(self.speak(0.0));
@@ -162,6 +169,12 @@ impl<'a> Tracker<'a> {
             self.add(hypothesis);
         }
         Ok(self.speak(margin))
+    }
+
+    /// What of a time poses are moved on for, seconds.
+    fn longest_s(&self, dt_s: f64, odometry: Option<&Odometry>) -> f64 {
+        let config = &self.config.unseen;
+        dt_s.min(if odometry.is_some() { config.longest_told_s } else { config.longest_untold_s })
     }
 
     /// Moves every hypothesis on; those that do not know their speed yet split
@@ -229,8 +242,7 @@ impl<'a> Tracker<'a> {
         self.constrain(dt_s, gps);
         if self.sight.shows_nothing() {
             // A black image says nothing, least of all for empty places.
-            let is_black = self.sight.features.is_empty();
-            self.bank.iter_mut().for_each(|hypothesis| hypothesis.see_nothing(is_black, &self.config.health));
+            self.see_nothing(self.sight.features.is_empty());
             return Ok(());
         }
         let scene = self.sight.scene(&self.config);
@@ -248,6 +260,11 @@ impl<'a> Tracker<'a> {
             self.clock.learn(&interval, &self.config.clock);
         }
         Ok(())
+    }
+
+    /// Lets a time pass of which no image tells anything, or none that is new.
+    fn see_nothing(&mut self, is_black: bool) {
+        self.bank.iter_mut().for_each(|hypothesis| hypothesis.see_nothing(is_black, &self.config.health));
     }
 
     /// Searches the region while nothing is tracked that the last frames

@@ -42,6 +42,10 @@ const KIDNAPPED_DEG: f64 = 17.0;
 const TOLD_FRAMES: usize = 10;
 const FIRST_TOLD: usize = 30;
 const TOLD_EVERY: usize = 100;
+/// No image comes for so many frames, from one on and again after so many.
+const GAP_FRAMES: usize = 100;
+const FIRST_GAP: usize = 30;
+const GAP_EVERY: usize = 200;
 /// Every which frame is dropped or delivered twice.
 const EVERY_FIFTH: usize = 5;
 
@@ -69,6 +73,8 @@ pub enum Fault {
     /// The camera shows the same image for 20 frames, from the 16th on and again
     /// every 100.
     Frozen,
+    /// No image comes for 100 frames, from the 31st on and again every 200.
+    Gap,
     /// The map is turned by 1 degree about the middle of the drive; the truth
     /// is not, so the pose that fits the images is off by as much.
     MapTurned,
@@ -155,6 +161,7 @@ impl Fault {
             Self::NoPoles => ends = images::no_poles(&mut trial, FIRST_BARE_M, BARE_M, BARE_EVERY_M),
             Self::Black => ends = images::black(&mut trial, FIRST_BLACK, BLACK_FRAMES, BLACK_EVERY),
             Self::Frozen => ends = images::frozen(&mut trial, FIRST_BLACK, BLACK_FRAMES, BLACK_EVERY),
+            Self::Gap => ends = signals::drop_stretches(&mut trial, FIRST_GAP, GAP_FRAMES, GAP_EVERY),
             Self::MapTurned => signals::turn_map(&mut trial, 1.0_f64.to_radians()),
             Self::MapTurnedGps => {
                 signals::turn_map(&mut trial, 1.0_f64.to_radians());
@@ -215,8 +222,8 @@ impl Fault {
     /// Whether it spoils the images or their times, and not only what is found in
     /// them.
     fn is_of_images(self) -> bool {
-        use Fault::{Black, Clock, Clock25, Doubled, Dropped, Frozen, Kidnapped, Stale};
-        matches!(self, Black | Frozen | Kidnapped | Dropped | Doubled | Stale | Clock | Clock25)
+        use Fault::{Black, Clock, Clock25, Doubled, Dropped, Frozen, Gap, Kidnapped, Stale};
+        matches!(self, Black | Frozen | Gap | Kidnapped | Dropped | Doubled | Stale | Clock | Clock25)
     }
 
     /// The word for it on the command line and in the table.

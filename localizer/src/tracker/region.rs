@@ -4,12 +4,13 @@
 use common::geometry::{PoseParameters, Tangent, local};
 use nalgebra::{Cholesky, Matrix3, Matrix6, Point3, Vector3, Vector6};
 
-use super::{FrameInput, Tracker};
+use super::Tracker;
 use crate::Result;
 use crate::config::Config;
 use crate::filter::State;
 use crate::gps::{GpsConfig, GpsFix};
 use crate::local_map::{LocalMap, RoadKey};
+use crate::odometry::Odometry;
 use crate::start::{Rough, Stance, keep_on_road};
 
 /// Speed of a vehicle that sets off: the least at which receivers tell a course.
@@ -120,27 +121,33 @@ fn take_in(place: &mut State, rough: &Rough) {
 
 impl Tracker<'_> {
     /// Keeps the region up in which the camera is, whatever is tracked.
-    /// `untold_s` is the time since the last image, however long, and `dt_s` what of it
+    /// `untold_s` is the time that no image tells of, however long, and `dt_s` what of it
     /// poses are moved on for.
-    pub(super) fn follow_region(&mut self, dt_s: f64, untold_s: f64, input: &FrameInput<'_>) -> Result<()> {
+    pub(super) fn follow_region(
+        &mut self,
+        dt_s: f64,
+        untold_s: f64,
+        odometry: Option<&Odometry>,
+        fix: Option<&GpsFix>,
+    ) -> Result<()> {
         let config = &self.config;
         let speed_m_s = self.bank.first().map_or(0.0, |best| best.state.velocity[2]);
         let speed_m_s = speed_m_s.clamp(-config.bank.max_reverse_m_s, config.bank.max_speed_m_s);
-        self.unseen.drive(untold_s, input.odometry.and_then(|shown| shown.speed_m_s), speed_m_s, &config.unseen);
+        let shown_m_s = odometry.and_then(|shown| shown.speed_m_s);
+        self.unseen.drive(untold_s, shown_m_s, speed_m_s, &config.unseen);
         self.course.drive(dt_s);
         self.region.time_variance_s2 = self.clock.variance_s2();
         self.region.drive(dt_s, |place| {
-            *place = place.driven(dt_s, input.odometry.as_ref(), &config.motion, &config.odometry);
+            *place = place.driven(dt_s, odometry, &config.motion, &config.odometry);
             stay_possible(place, config);
             let position = Point3::from(place.map_from_camera.translation.vector);
             if let Some(path) = self.map.nearest_path(&self.sight.candidates.roads, &position) {
                 keep_on_road(place, &path, &config.start);
             }
         });
-        if let Some(fix) = input.gps {
+        if let Some(fix) = fix {
             self.unseen.hear(fix, config.gps.refused_sigmas * fix.horizontal_sigma_m);
             let fix = &self.with_right_heading(fix);
-            let shown_m_s = input.odometry.and_then(|shown| shown.speed_m_s);
             let speed_m_s = shown_m_s.unwrap_or_else(|| self.region.speed_to(fix));
             let rough = self.rough_from(fix, speed_m_s)?;
             self.region.take(fix, &rough, &self.config);

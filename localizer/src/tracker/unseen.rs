@@ -23,9 +23,13 @@ pub struct UnseenConfig {
     /// searched. Moved on for a day, at the speed that it had, it would be beyond the
     /// Earth's other side.
     pub longest_untold_s: f64,
-    /// The same where wheels and gyroscope tell, seconds: of minutes, one mean speed and
-    /// one turn say little more than whether it stood.
+    /// The same where wheels and gyroscope tell one mean speed and one turn, seconds: of
+    /// minutes they say little more than whether it stood.
     pub longest_told_s: f64,
+    /// Time of which one mean speed and one turn of wheels and gyroscope say where it went,
+    /// seconds, as between the images of a slow camera. Where no image comes for longer, a
+    /// log is followed in steps of this or longer.
+    pub told_step_s: f64,
     /// What goes unseen goes as fast or faster, m/s, as in towns: who stood may have set
     /// off.
     pub least_m_s: f64,
@@ -42,6 +46,7 @@ impl Default for UnseenConfig {
             longest_seen_s: 3.0,
             longest_untold_s: 30.0,
             longest_told_s: 300.0,
+            told_step_s: 0.25,
             least_m_s: 10.0,
             turned_m: 15.0,
             any_heading_rad: 1.8,

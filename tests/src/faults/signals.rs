@@ -130,6 +130,21 @@ pub(super) fn change_motion(
     });
 }
 
+/// Drops `count` frames, from the one with index `first` on and again every `every`.
+/// Returns the frames after these stretches.
+pub(super) fn drop_stretches(trial: &mut Trial, first: usize, count: usize, every: usize) -> Vec<usize> {
+    let (mut index, mut ends) = (0, Vec::new());
+    trial.frames.retain(|seen| {
+        let into = (index >= first).then(|| (index - first) % every);
+        index += 1;
+        if into == Some(count) {
+            ends.push(seen.frame);
+        }
+        into.is_none_or(|into| into >= count)
+    });
+    ends
+}
+
 /// Drops every which frame.
 pub(super) fn drop_every(trial: &mut Trial, every: usize) {
     let mut index = 0;

@@ -1,0 +1,46 @@
+//! What wheels and gyroscope tell while no image comes.
+//!
+//! One mean speed and one turn from an image to the next are an arc. In some seconds a
+//! vehicle drives round a corner, which is none: there each line of a log is followed.
+
+use super::Tracker;
+use crate::Result;
+use crate::odometry::{Odometry, OdometryLog};
+
+impl Tracker<'_> {
+    /// Follows a log from the last frame on to a time before the next one, seconds, where
+    /// that is far off (`unseen.told_step_s`); returns since when the log is to be asked
+    /// for the motion up to that frame, none before the first.
+    ///
+    /// # Errors
+    /// Where the map cannot be read; only a map in memory cannot fail.
+    pub fn coast(&mut self, until_s: f64, log: &OdometryLog) -> Result<Option<f64>> {
+        let Some(mut at_s) = self.last_time_s else { return Ok(None) };
+        for end_s in log.ends_between(at_s, until_s, self.config.unseen.told_step_s) {
+            self.roll(end_s - at_s, log.between(at_s, end_s))?;
+            at_s = end_s;
+        }
+        self.last_time_s = Some(at_s);
+        Ok(Some(at_s))
+    }
+
+    /// Moves on by `dt_s` as the odometry shows, where it is believed.
+    fn roll(&mut self, dt_s: f64, shown: Option<Odometry>) -> Result<()> {
+        self.map.next_frame()?;
+        let moved_s = self.longest_s(dt_s, shown.as_ref());
+        let odometry = self.believed(moved_s, shown);
+        let is_told = odometry.is_some_and(|shown| shown.speed_m_s.is_some());
+        self.since_image_s += moved_s;
+        // Whether that was long shows once an image comes.
+        self.untold_s += if is_told { 0.0 } else { dt_s };
+        self.unfollowed_s += moved_s;
+        self.predict(moved_s, odometry.as_ref());
+        self.follow_region(moved_s, if is_told { dt_s } else { 0.0 }, odometry.as_ref(), None)?;
+        if let Some((centre, reach)) = self.bank_reach() {
+            self.select(&centre, &reach)?;
+            self.constrain(moved_s, None);
+            self.see_nothing(true);
+        }
+        Ok(())
+    }
+}

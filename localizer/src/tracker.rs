@@ -313,52 +313,6 @@ impl<'a> Tracker<'a> {
         bank.newcomer_cost + (bank.jump_cost - bank.newcomer_cost) * trusted
     }
 
-    /// What a rival that this frame shows beside the best pays, nats: as much as a jump,
-    /// but where the best was found again and is not trusted yet.
-    fn rival_cost(&self) -> f64 {
-        let is_anew = self.verdict.is_some_and(|verdict| verdict.was_ever_ok && !verdict.was_ok);
-        if is_anew { self.config.bank.newcomer_cost } else { self.config.bank.jump_cost }
-    }
-
-    /// Looks beside the best hypothesis for poses that explain the frame as
-    /// well; returns by how much support the best is ahead, nats: in this
-    /// frame, or when it was last looked.
-    fn find_rivals(&mut self) -> Result<f64> {
-        let Some(first) = self.bank.first_mut() else { return Ok(0.0) };
-        // All but the list of its matches.
-        let matches = std::mem::take(&mut first.correspondences);
-        let best = first.clone();
-        first.correspondences = matches;
-        let reach = self.config.rivals.reach(&best.state.pose_covariance());
-        self.select(&best.state.map_from_camera, &reach)?;
-        let scene = self.sight.scene(&self.config);
-        // Asked too, in turn: where else it fits as well. A wrong lock lasts.
-        let is_due = best.margin.is_none() || best.age_frames.is_multiple_of(self.config.rivals.every_frames.max(1));
-        let mut found = std::mem::take(&mut self.rivals);
-        found.clear();
-        if is_due {
-            rivals::find(&scene, &best, &mut self.associator, &self.config, &mut found);
-        }
-        let loose = rivals::find_loose(&scene, &best, &mut self.associator, &self.config);
-        if let Some(loose) = loose.filter(|loose| loose.evidence() > best.evidence - self.config.rivals.spawn_margin) {
-            self.add(Hypothesis::beside(&best, &loose, self.rival_cost()));
-        }
-        let mut margin = best.margin.filter(|_| !is_due).unwrap_or(f64::INFINITY);
-        for rival in &found {
-            let ahead = best.evidence - rival.evidence();
-            margin = margin.min(ahead);
-            if ahead < self.config.rivals.spawn_margin {
-                self.add(Hypothesis::beside(&best, rival, self.rival_cost()));
-            }
-        }
-        self.rivals = found;
-        // What was added stands behind those that were tracked.
-        if let Some(best) = self.bank.first_mut() {
-            best.margin = Some(margin);
-        }
-        Ok(margin)
-    }
-
     fn speak(&mut self, margin: f64) -> Option<&PoseEstimate> {
         for (i, hypothesis) in self.bank.iter_mut().enumerate() {
             hypothesis.led_frames = if i == 0 { hypothesis.led_frames + 1 } else { 0 };
@@ -378,7 +332,7 @@ impl<'a> Tracker<'a> {
         if verdict.is_followed && !shows_the_same {
             self.unfollowed_s = 0.0;
         }
-        if verdict.well_frames > 0 && !shows_the_same {
+        if verdict.well_frames > 0 && !shows_the_same && !self.unseen.is_open() {
             // Should it be lost from here on, it is searched around here.
             self.region.trust(&best.state, self.config.bank.contradiction);
         }

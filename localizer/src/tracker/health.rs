@@ -136,6 +136,13 @@ pub struct Verdict {
     pub was_ever_ok: bool,
 }
 
+impl Verdict {
+    /// What is said of one that is lost from here on.
+    pub fn lost(self) -> Self {
+        Self { status: Status::Lost, is_followed: false, well_frames: 0, was_ok: false, ..self }
+    }
+}
+
 /// What else speaks for or against the best hypothesis.
 #[derive(Debug, Clone, Copy)]
 pub struct Context {

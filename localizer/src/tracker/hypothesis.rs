@@ -223,6 +223,13 @@ impl Hypothesis {
         self.handicap *= bank.handicap_memory.powf(told);
     }
 
+    /// Begins anew, with what speaks for it beyond this, nats.
+    pub fn forget(&mut self, past: f64) {
+        self.past_weight -= past;
+        (self.age_frames, self.led_frames) = (0, 0);
+        self.foreseen = Foreseen::default();
+    }
+
     /// Moves on by `dt_s` into `out`: once, or once for each speed while the
     /// speed is unknown. Wheels, where there are any, say how fast it is.
     pub fn predict(mut self, dt_s: f64, odometry: Option<&Odometry>, config: &Config, out: &mut Vec<Self>) {

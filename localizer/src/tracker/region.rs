@@ -5,6 +5,7 @@ use common::geometry::{PoseParameters, Tangent, local};
 use nalgebra::{Cholesky, Matrix3, Matrix6, Point3, Vector3, Vector6};
 
 use super::Tracker;
+use super::health::Verdict;
 use crate::Result;
 use crate::config::Config;
 use crate::filter::State;
@@ -130,11 +131,14 @@ impl Tracker<'_> {
         odometry: Option<&Odometry>,
         fix: Option<&GpsFix>,
     ) -> Result<()> {
-        let config = &self.config;
         let speed_m_s = self.bank.first().map_or(0.0, |best| best.state.velocity[2]);
-        let speed_m_s = speed_m_s.clamp(-config.bank.max_reverse_m_s, config.bank.max_speed_m_s);
+        let speed_m_s = speed_m_s.clamp(-self.config.bank.max_reverse_m_s, self.config.bank.max_speed_m_s);
         let shown_m_s = odometry.and_then(|shown| shown.speed_m_s);
-        self.unseen.drive(untold_s, shown_m_s, speed_m_s, &config.unseen);
+        if self.unseen.drive(untold_s, shown_m_s, speed_m_s, &self.config.unseen) {
+            // What spoke for a place before says nothing of where it went since.
+            self.begin_again();
+        }
+        let config = &self.config;
         self.course.drive(dt_s);
         self.region.time_variance_s2 = self.clock.variance_s2();
         self.region.drive(dt_s, |place| {
@@ -146,13 +150,24 @@ impl Tracker<'_> {
             }
         });
         if let Some(fix) = fix {
-            self.unseen.hear(fix, config.gps.refused_sigmas * fix.horizontal_sigma_m);
+            if self.unseen.hear(fix, self.config.gps.refused_sigmas * fix.horizontal_sigma_m) {
+                // Nor does where it would be, had it gone on.
+                self.region = Region::default();
+                self.begin_again();
+            }
             let fix = &self.with_right_heading(fix);
             let speed_m_s = shown_m_s.unwrap_or_else(|| self.region.speed_to(fix));
             let rough = self.rough_from(fix, speed_m_s)?;
             self.region.take(fix, &rough, &self.config);
         }
         Ok(())
+    }
+
+    /// Takes nothing from before as speaking for a place.
+    fn begin_again(&mut self) {
+        let before = self.bank.first().map_or(0.0, |best| best.past_weight);
+        self.bank.iter_mut().for_each(|hypothesis| hypothesis.forget(before));
+        self.verdict = self.verdict.map(Verdict::lost);
     }
 
     fn rough_from(&mut self, fix: &GpsFix, speed_m_s: f64) -> Result<Rough> {

@@ -7,7 +7,9 @@ use common::geometry::{Pose, Tangent, local, retract};
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
+use super::Tracker;
 use super::hypothesis::Hypothesis;
+use crate::Result;
 use crate::associate::matching::Scene;
 use crate::associate::robust::{Associator, Question, Refined};
 use crate::config::Config;
@@ -95,6 +97,54 @@ impl RivalConfig {
     }
 }
 
+impl Tracker<'_> {
+    /// What a rival that this frame shows beside the best pays, nats: as much as a jump,
+    /// but where the best was found again and is not trusted yet.
+    pub(super) fn rival_cost(&self) -> f64 {
+        let is_anew = self.verdict.is_some_and(|verdict| verdict.was_ever_ok && !verdict.was_ok);
+        if is_anew { self.config.bank.newcomer_cost } else { self.config.bank.jump_cost }
+    }
+
+    /// Looks beside the best hypothesis for poses that explain the frame as
+    /// well; returns by how much support the best is ahead, nats: in this
+    /// frame, or when it was last looked.
+    pub(super) fn find_rivals(&mut self) -> Result<f64> {
+        let Some(first) = self.bank.first_mut() else { return Ok(0.0) };
+        // All but the list of its matches.
+        let matches = std::mem::take(&mut first.correspondences);
+        let best = first.clone();
+        first.correspondences = matches;
+        let reach = self.config.rivals.reach(&best.state.pose_covariance());
+        self.select(&best.state.map_from_camera, &reach)?;
+        let scene = self.sight.scene(&self.config);
+        // Asked too, in turn: where else it fits as well. A wrong lock lasts.
+        let is_due = best.margin.is_none() || best.age_frames.is_multiple_of(self.config.rivals.every_frames.max(1));
+        let mut found = std::mem::take(&mut self.rivals);
+        found.clear();
+        if is_due {
+            find(&scene, &best, &mut self.associator, &self.config, &mut found);
+        }
+        let loose = find_loose(&scene, &best, &mut self.associator, &self.config);
+        if let Some(loose) = loose.filter(|loose| loose.evidence() > best.evidence - self.config.rivals.spawn_margin) {
+            self.add(Hypothesis::beside(&best, &loose, self.rival_cost()));
+        }
+        let mut margin = best.margin.filter(|_| !is_due).unwrap_or(f64::INFINITY);
+        for rival in &found {
+            let ahead = best.evidence - rival.evidence();
+            margin = margin.min(ahead);
+            if ahead < self.config.rivals.spawn_margin {
+                self.add(Hypothesis::beside(&best, rival, self.rival_cost()));
+            }
+        }
+        self.rivals = found;
+        // What was added stands behind those that were tracked.
+        if let Some(best) = self.bank.first_mut() {
+            best.margin = Some(margin);
+        }
+        Ok(margin)
+    }
+}
+
 /// The direction in which the place on the road is least certain, as a shift
 /// of one metre (a turn by its effect at `lever_m`): right, forward and yaw.
 /// Height and tilt are the road's.
@@ -112,13 +162,7 @@ fn least_certain(covariance: &Matrix6<f64>, lever_m: f64) -> Tangent {
 }
 
 /// Appends the refined rivals of `best` in this scene, all distinct from it.
-pub fn find(
-    scene: &Scene<'_>,
-    best: &Hypothesis,
-    associator: &mut Associator,
-    config: &Config,
-    found: &mut Vec<Refined>,
-) {
+fn find(scene: &Scene<'_>, best: &Hypothesis, associator: &mut Associator, config: &Config, found: &mut Vec<Refined>) {
     let rivals = &config.rivals;
     let pose = best.state.map_from_camera;
     let shifts = rivals
@@ -151,12 +195,7 @@ pub fn find(
 
 /// The pose that the frame alone asks for near `best`; none where it is the
 /// same.
-pub fn find_loose(
-    scene: &Scene<'_>,
-    best: &Hypothesis,
-    associator: &mut Associator,
-    config: &Config,
-) -> Option<Refined> {
+fn find_loose(scene: &Scene<'_>, best: &Hypothesis, associator: &mut Associator, config: &Config) -> Option<Refined> {
     let rivals = &config.rivals;
     let pose = best.state.map_from_camera;
     let (m, rad) = (rivals.loose_m, rivals.loose_rad);

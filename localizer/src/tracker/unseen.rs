@@ -66,20 +66,30 @@ pub(super) struct Unseen {
 
 impl Unseen {
     /// Takes in a time without an image, and the speed of the vehicle: `told_m_s` by what
-    /// tells it all along, else `tracked_m_s`, which it had when it was last seen.
-    pub fn drive(&mut self, dt_s: f64, told_m_s: Option<f64>, tracked_m_s: f64, config: &UnseenConfig) {
+    /// tells it all along, else `tracked_m_s`, which it had when it was last seen. Says
+    /// whether that was so long that it may be elsewhere.
+    pub fn drive(&mut self, dt_s: f64, told_m_s: Option<f64>, tracked_m_s: f64, config: &UnseenConfig) -> bool {
         let is_long = dt_s > config.longest_seen_s;
         if is_long || self.fix_map.is_some() {
             let least_m_s = if is_long { config.least_m_s } else { 0.0 };
             self.way_m += told_m_s.map_or(tracked_m_s.abs().max(least_m_s), f64::abs) * dt_s;
         }
+        is_long && self.is_open()
     }
 
-    /// Takes in that the vehicle is near a fix, within this distance, metres.
-    pub fn hear(&mut self, fix: &GpsFix, within_m: f64) {
-        if self.way_m > 0.0 {
-            (self.way_m, self.fix_map) = (within_m, Some(fix.position_map));
+    /// Takes in that the vehicle is near a fix, within this distance, metres; says whether
+    /// nothing else told before where it is.
+    pub fn hear(&mut self, fix: &GpsFix, within_m: f64) -> bool {
+        if !self.is_open() {
+            return false;
         }
+        self.way_m = within_m;
+        self.fix_map.replace(fix.position_map).is_none()
+    }
+
+    /// Whether it may be elsewhere than it is taken to be.
+    pub fn is_open(&self) -> bool {
+        self.way_m > 0.0
     }
 
     /// What is said of a pose that is taken for this: where it is ok, all is known again,
@@ -88,7 +98,7 @@ impl Unseen {
         if status == Status::Ok && !shows_the_same {
             *self = Self::default();
         }
-        if self.way_m > 0.0 && self.fix_map.is_none() { Status::Lost } else { status }
+        if self.is_open() && self.fix_map.is_none() { Status::Lost } else { status }
     }
 
     /// What is not known of a pose, in its tangent: as far to the right as forward, and its
@@ -99,7 +109,7 @@ impl Unseen {
         let turned = (self.way_m / config.turned_m).min(1.0);
         let (off_m, heading_rad) = (self.way_m.hypot(off_m), config.any_heading_rad * turned);
         let sigmas = Vector6::new(off_m, 0.0, off_m, 0.0, heading_rad, 0.0);
-        (self.way_m > 0.0).then(|| Matrix6::from_diagonal(&sigmas.component_mul(&sigmas)))
+        self.is_open().then(|| Matrix6::from_diagonal(&sigmas.component_mul(&sigmas)))
     }
 }
 
@@ -145,7 +155,8 @@ mod tests {
         let mut unseen = Unseen::default();
         unseen.drive(30.0, None, 12.0, &UnseenConfig::default());
         let position_map = Point3::new(30.0, 0.0, 40.0);
-        unseen.hear(&GpsFix { position_map, horizontal_sigma_m: 1.5, heading: None, is_course: false }, 6.0);
+        let fix = GpsFix { position_map, horizontal_sigma_m: 1.5, heading: None, is_course: false };
+        assert!(unseen.hear(&fix, 6.0) && !unseen.hear(&fix, 6.0) && !Unseen::default().hear(&fix, 6.0));
         // What is said 50 m from it is off by about as much.
         let right_m = sigmas(&unseen)[0];
         assert!((50.0..51.0).contains(&right_m), "{right_m}");

@@ -134,7 +134,7 @@ pub const LIMITS: &[Limits] = &[
     limits("gps.*", 0.0, 1e6),
     limits("unseen.longest_told_s", 0.1, 3600.0),
     limits("unseen.longest_untold_s", 0.1, 3600.0),
-    limits("unseen.told_step_s", 0.05, 10.0),
+    limits("unseen.step_s", 0.05, 10.0),
     limits("unseen.any_heading_rad", 0.0, 10.0),
     limits("unseen.*", 0.1, 1e4),
     limits("local_map.*_m", 1.0, 1e5),

@@ -148,6 +148,7 @@ impl<'a> Tracker<'a> {
         if self.sight.shows_the_same && dt_s <= 0.0 && input.gps.is_none() {
             return Ok(self.said.as_ref());
         }
+        let dt_s = self.drift(dt_s, input.odometry)?;
         let untold_s = dt_s + std::mem::take(&mut self.untold_s);
         let dt_s = self.longest_s(dt_s, input.odometry.as_ref());
         let since_image_s = dt_s + std::mem::take(&mut self.since_image_s);

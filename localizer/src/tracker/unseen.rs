@@ -26,10 +26,10 @@ pub struct UnseenConfig {
     /// The same where wheels and gyroscope tell one mean speed and one turn, seconds: of
     /// minutes they say little more than whether it stood.
     pub longest_told_s: f64,
-    /// Time of which one mean speed and one turn of wheels and gyroscope say where it went,
-    /// seconds, as between the images of a slow camera. Where no image comes for longer, a
-    /// log is followed in steps of this or longer.
-    pub told_step_s: f64,
+    /// A longer time without an image is gone through in steps, seconds: of this where
+    /// nothing tells how the vehicle moved, for a speed that changes and a turn die out,
+    /// else of this or longer, as a log has lines.
+    pub step_s: f64,
     /// What goes unseen goes as fast or faster, m/s, as in towns: who stood may have set
     /// off.
     pub least_m_s: f64,
@@ -46,7 +46,7 @@ impl Default for UnseenConfig {
             longest_seen_s: 3.0,
             longest_untold_s: 30.0,
             longest_told_s: 300.0,
-            told_step_s: 0.25,
+            step_s: 0.25,
             least_m_s: 10.0,
             turned_m: 15.0,
             any_heading_rad: 1.8,

@@ -113,7 +113,7 @@ fn a_log_leads_round_a_corner_that_no_image_shows() {
     assert!(stepwise.iter().all(|(off_m, _)| *off_m < 0.2), "{stepwise:?}");
     assert!(stepwise[..20].iter().all(|(_, status)| *status == Status::Ok), "{stepwise:?}");
     // As one mean speed and one turn the corner is cut.
-    config.unseen.told_step_s = 10.0;
+    config.unseen.step_s = 10.0;
     let at_once = after(85..135, 0.0, &world, &log, &config);
     assert!(at_once[0].0 > 3.0, "{at_once:?}");
 }

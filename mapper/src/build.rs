@@ -66,7 +66,8 @@ struct Found {
 }
 
 /// Builds the map of a drive. `on_window` is called with each window once
-/// its landmarks are found.
+/// its landmarks are found. The lidar is taken for what `config.lidar` says:
+/// [`crate::lidar::measured`] asks the scans before.
 ///
 /// # Errors
 /// A scan that cannot be read, what `on_window` returns,

@@ -46,7 +46,7 @@ const TOLD_EVERY: usize = 100;
 const GAP_FRAMES: usize = 100;
 const FIRST_GAP: usize = 30;
 const GAP_EVERY: usize = 200;
-/// Every which frame is dropped or delivered twice.
+/// Every which frame is dropped, delivered twice or the only one that comes.
 const EVERY_FIFTH: usize = 5;
 
 /// What goes wrong.
@@ -94,6 +94,8 @@ pub enum Fault {
     Intrinsics,
     /// Every fifth frame is missing.
     Dropped,
+    /// Of five frames one comes: the camera is slow.
+    Slow,
     /// Every fifth frame comes twice, with the same time.
     Doubled,
     /// Every fifth frame comes again in the place and with the time of the
@@ -182,7 +184,8 @@ impl Fault {
                 signals::add_outliers(&mut trial, 5, 20.0, &mut random);
             }
             Self::Intrinsics => signals::scale_focal_lengths(&mut trial, 1.01),
-            Self::Dropped => signals::drop_every(&mut trial, EVERY_FIFTH),
+            Self::Dropped => signals::keep(&mut trial, |index| index % EVERY_FIFTH != EVERY_FIFTH - 1),
+            Self::Slow => signals::keep(&mut trial, |index| index.is_multiple_of(EVERY_FIFTH)),
             Self::Doubled => signals::double_every(&mut trial, EVERY_FIFTH),
             Self::Stale => signals::hold_every(&mut trial, EVERY_FIFTH),
             Self::Clock => signals::jitter(&mut trial, 0.05),
@@ -222,8 +225,8 @@ impl Fault {
     /// Whether it spoils the images or their times, and not only what is found in
     /// them.
     fn is_of_images(self) -> bool {
-        use Fault::{Black, Clock, Clock25, Doubled, Dropped, Frozen, Gap, Kidnapped, Stale};
-        matches!(self, Black | Frozen | Gap | Kidnapped | Dropped | Doubled | Stale | Clock | Clock25)
+        use Fault::{Black, Clock, Clock25, Doubled, Dropped, Frozen, Gap, Kidnapped, Slow, Stale};
+        matches!(self, Black | Frozen | Gap | Slow | Kidnapped | Dropped | Doubled | Stale | Clock | Clock25)
     }
 
     /// The word for it on the command line and in the table.

@@ -145,13 +145,10 @@ pub(super) fn drop_stretches(trial: &mut Trial, first: usize, count: usize, ever
     ends
 }
 
-/// Drops every which frame.
-pub(super) fn drop_every(trial: &mut Trial, every: usize) {
-    let mut index = 0;
-    trial.frames.retain(|_| {
-        index += 1;
-        index % every != 0
-    });
+/// Keeps the frames with these indices.
+pub(super) fn keep(trial: &mut Trial, is_kept: impl Fn(usize) -> bool) {
+    let mut indices = 0..;
+    trial.frames.retain(|_| indices.next().is_some_and(&is_kept));
 }
 
 /// Delivers every which frame twice, at the same time.

@@ -201,6 +201,7 @@ fn frames_are_dropped_doubled_and_held() {
     assert_eq!(dropped.frames.len(), 240);
     let Faulty { trial: gap, ends, .. } = Fault::Gap.applied(&clean, 1);
     assert_eq!((numbers(&gap), ends), ((0..30).chain(130..230).collect(), vec![130]));
+    assert_eq!(numbers(&Fault::Slow.applied(&clean, 1).trial), (0..300).step_by(5).collect::<Vec<_>>());
     let doubled = Fault::Doubled.applied(&clean, 1).trial;
     assert_eq!(numbers(&doubled)[..7], [0, 1, 2, 3, 4, 4, 5]);
     assert_eq!((doubled.frames.len(), &doubled.frames[4]), (360, &doubled.frames[5]));

@@ -8,6 +8,11 @@ use super::Tracker;
 use crate::Result;
 use crate::odometry::{Odometry, OdometryLog};
 
+/// Whether wheels or images tell the speed.
+pub(super) fn says_how_fast(odometry: Option<&Odometry>) -> bool {
+    odometry.is_some_and(|shown| shown.speed_m_s.is_some())
+}
+
 impl Tracker<'_> {
     /// Follows a log from the last frame on to a time before the next one, seconds, where
     /// that is far off (`unseen.step_s`); returns since when the log is to be asked
@@ -31,7 +36,7 @@ impl Tracker<'_> {
     /// moved on, but for the last step; returns how long that is, seconds.
     pub(super) fn drift(&mut self, dt_s: f64, odometry: Option<Odometry>) -> Result<f64> {
         let step_s = self.config.unseen.step_s;
-        if odometry.is_some_and(|shown| shown.speed_m_s.is_some()) || dt_s <= step_s {
+        if says_how_fast(odometry.as_ref()) || dt_s <= step_s {
             return Ok(dt_s);
         }
         let moved_s = self.longest_s(dt_s, None);
@@ -48,13 +53,13 @@ impl Tracker<'_> {
         self.map.next_frame()?;
         let moved_s = self.longest_s(dt_s, shown.as_ref());
         let odometry = self.believed(moved_s, shown);
-        let is_told = odometry.is_some_and(|shown| shown.speed_m_s.is_some());
         self.since_image_s += moved_s;
-        // Whether that was long shows once an image comes.
-        self.untold_s += if is_told { 0.0 } else { dt_s };
+        // Whether what nothing tells was long shows once an image comes.
+        self.untold_s += if says_how_fast(odometry.as_ref()) { 0.0 } else { dt_s };
         self.unfollowed_s += moved_s;
         self.predict(moved_s, odometry.as_ref());
-        self.follow_region(moved_s, if is_told { dt_s } else { 0.0 }, odometry.as_ref(), None)?;
+        self.go_unseen(0.0, dt_s, odometry.as_ref());
+        self.follow_region(moved_s, odometry.as_ref(), None)?;
         if let Some((centre, reach)) = self.bank_reach() {
             self.select(&centre, &reach)?;
             self.constrain(moved_s, None);

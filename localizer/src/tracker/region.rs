@@ -121,23 +121,25 @@ fn take_in(place: &mut State, rough: &Rough) {
 }
 
 impl Tracker<'_> {
-    /// Keeps the region up in which the camera is, whatever is tracked.
-    /// `untold_s` is the time that no image tells of, however long, and `dt_s` what of it
-    /// poses are moved on for.
-    pub(super) fn follow_region(
-        &mut self,
-        dt_s: f64,
-        untold_s: f64,
-        odometry: Option<&Odometry>,
-        fix: Option<&GpsFix>,
-    ) -> Result<()> {
+    /// Takes in times without an image, seconds: one of which nothing tells how fast it
+    /// went, and one of which `shown` does.
+    pub(super) fn go_unseen(&mut self, untold_s: f64, told_s: f64, shown: Option<&Odometry>) {
+        let bank = &self.config.bank;
         let speed_m_s = self.bank.first().map_or(0.0, |best| best.state.velocity[2]);
-        let speed_m_s = speed_m_s.clamp(-self.config.bank.max_reverse_m_s, self.config.bank.max_speed_m_s);
-        let shown_m_s = odometry.and_then(|shown| shown.speed_m_s);
-        if self.unseen.drive(untold_s, shown_m_s, speed_m_s, &self.config.unseen) {
+        let speed_m_s = speed_m_s.clamp(-bank.max_reverse_m_s, bank.max_speed_m_s);
+        let config = &self.config.unseen;
+        let mut is_elsewhere = self.unseen.drive(untold_s, None, speed_m_s, config);
+        if let Some(shown_m_s) = shown.and_then(|shown| shown.speed_m_s) {
+            is_elsewhere |= self.unseen.drive(told_s, Some(shown_m_s), speed_m_s, config);
+        }
+        if is_elsewhere {
             // What spoke for a place before says nothing of where it went since.
             self.begin_again();
         }
+    }
+
+    /// Keeps the region up in which the camera is, whatever is tracked.
+    pub(super) fn follow_region(&mut self, dt_s: f64, odometry: Option<&Odometry>, fix: Option<&GpsFix>) -> Result<()> {
         let config = &self.config;
         self.course.drive(dt_s);
         self.region.time_variance_s2 = self.clock.variance_s2();
@@ -156,6 +158,7 @@ impl Tracker<'_> {
                 self.begin_again();
             }
             let fix = &self.with_right_heading(fix);
+            let shown_m_s = odometry.and_then(|shown| shown.speed_m_s);
             let speed_m_s = shown_m_s.unwrap_or_else(|| self.region.speed_to(fix));
             let rough = self.rough_from(fix, speed_m_s)?;
             self.region.take(fix, &rough, &self.config);

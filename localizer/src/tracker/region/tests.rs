@@ -74,10 +74,10 @@ fn who_is_lost_for_an_hour_goes_no_faster_and_no_further_than_vehicles_do() {
     (state.map_from_camera, state.velocity[2]) = (truth, 400.0);
     tracker.region.trust(&state, CONTRADICTION);
     // As fast as that was only until its speed is asked for.
-    tracker.follow_region(1.0, 1.0, None, None).unwrap();
+    tracker.follow_region(1.0, None, None).unwrap();
     let mut before = tracker.region.searched(&config.gps).unwrap().map_from_camera;
     for _ in 0..3600 {
-        tracker.follow_region(1.0, 1.0, None, None).unwrap();
+        tracker.follow_region(1.0, None, None).unwrap();
         let place = tracker.region.searched(&config.gps).unwrap();
         let way_m = local(&before, &place.map_from_camera).fixed_rows::<3>(0).norm();
         assert!(way_m < 2.0 * config.bank.max_speed_m_s, "{way_m} m in a second");

@@ -105,6 +105,20 @@ fn one_fix_says_where_who_was_not_seen_for_long_is() {
 }
 
 #[test]
+fn who_stands_when_it_is_told_again_may_have_gone_far_before() {
+    let world = World::new(Recipe { length_m: 250.0, ..Recipe::default() });
+    let mut log = told(&world, &[(1..61, 0.0)]);
+    // Of the gap the end alone is told.
+    let stands = Odometry { speed_m_s: Some(0.0), yaw_rate_rad_s: 0.0 };
+    for i in 0..2 {
+        let began_s = time_s(100) + 5.0 + 0.5 * f64::from(i);
+        log.push(began_s, began_s + 0.5, stands);
+    }
+    let said = after(60..100, 6.0, &world, &log, &Config::default());
+    assert!(said[0].1 == Status::Lost, "{said:?}");
+}
+
+#[test]
 fn a_log_leads_round_a_corner_that_no_image_shows() {
     let world = World::new(Recipe { corner: (1.3, 15.0), speed_m_s: 7.0, seed: 2, ..street() });
     let log = told(&world, &[(1..world.truth.len(), 0.0)]);

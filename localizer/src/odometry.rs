@@ -92,6 +92,13 @@ pub struct Odometry {
     pub yaw_rate_rad_s: f64,
 }
 
+impl Odometry {
+    /// Whether it tells the speed, and not the turn alone.
+    pub fn tells_speed(&self) -> bool {
+        self.speed_m_s.is_some()
+    }
+}
+
 /// What was said of the motion along a drive.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct OdometryLog {

@@ -26,7 +26,6 @@ pub use bank::BankConfig;
 use believed::Doubts;
 pub use clock::ClockConfig;
 use clock::{Clock, Interval};
-use coast::says_how_fast;
 use course::Course;
 pub use health::HealthConfig;
 use health::{Context, Verdict};
@@ -149,16 +148,16 @@ impl<'a> Tracker<'a> {
         if self.sight.shows_the_same && dt_s <= 0.0 && input.gps.is_none() {
             return Ok(self.said.as_ref());
         }
-        let last_s = self.drift(dt_s, input.odometry)?;
-        let dt_s = self.longest_s(last_s, input.odometry.as_ref());
+        let rest_s = self.drift(dt_s, input.odometry)?;
+        let dt_s = self.moved_on_s(rest_s, input.odometry.as_ref());
         let since_image_s = dt_s + std::mem::take(&mut self.since_image_s);
         self.clock.tick(since_image_s, self.sight.shows_the_same, &self.config.clock);
         self.unfollowed_s += dt_s;
         let odometry = self.believed(dt_s, input.odometry);
         self.predict(dt_s, odometry.as_ref());
         let untold_s = std::mem::take(&mut self.untold_s);
-        let untold_s = if says_how_fast(odometry.as_ref()) { untold_s } else { untold_s + last_s };
-        self.go_unseen(untold_s, last_s, odometry.as_ref());
+        let untold_s = if odometry.is_some_and(|shown| shown.tells_speed()) { untold_s } else { untold_s + rest_s };
+        self.go_unseen(untold_s, rest_s, odometry.as_ref());
         self.follow_region(dt_s, odometry.as_ref(), input.gps)?;
         self.observe(dt_s, input.gps)?;
         if self.sight.shows_nothing() {
@@ -176,7 +175,7 @@ impl<'a> Tracker<'a> {
     }
 
     /// What of a time poses are moved on for, seconds.
-    fn longest_s(&self, dt_s: f64, odometry: Option<&Odometry>) -> f64 {
+    fn moved_on_s(&self, dt_s: f64, odometry: Option<&Odometry>) -> f64 {
         let config = &self.config.unseen;
         dt_s.min(if odometry.is_some() { config.longest_told_s } else { config.longest_untold_s })
     }

@@ -105,7 +105,7 @@ fn table(steps: &[Step], each_ms: f64) -> String {
         "{} steps: turn told in {}, speed in {}; {each_ms:.1} ms an image",
         steps.len(),
         told(|_| true),
-        told(|shown| shown.speed_m_s.is_some())
+        told(Odometry::tells_speed)
     );
     let pairs = || steps.iter().filter_map(|step| step.shown.zip(step.truth));
     let speeds: Vec<f64> = pairs().filter_map(|(shown, (speed_m_s, _))| Some(shown.speed_m_s? - speed_m_s)).collect();

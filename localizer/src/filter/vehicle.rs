@@ -45,7 +45,7 @@ impl State {
         row[BIAS] = 1.0;
         let expected_rad_s = state.yaw_bias_rad_s - state.velocity[4];
         surprise += state.absorb(&row, shown.yaw_rate_rad_s - expected_rad_s, config.yaw_rate_sigma_rad_s);
-        state.move_on(dt_s, &motion.driven(shown.speed_m_s.is_some()));
+        state.move_on(dt_s, &motion.driven(shown.tells_speed()));
         state.roll_on_wheels(dt_s, motion);
         state.surprise += surprise;
         state

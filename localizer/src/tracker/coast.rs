@@ -8,11 +8,6 @@ use super::Tracker;
 use crate::Result;
 use crate::odometry::{Odometry, OdometryLog};
 
-/// Whether wheels or images tell the speed.
-pub(super) fn says_how_fast(odometry: Option<&Odometry>) -> bool {
-    odometry.is_some_and(|shown| shown.speed_m_s.is_some())
-}
-
 impl Tracker<'_> {
     /// Follows a log from the last frame on to a time before the next one, seconds, where
     /// that is far off (`unseen.step_s`); returns since when the log is to be asked
@@ -36,10 +31,10 @@ impl Tracker<'_> {
     /// moved on, but for the last step; returns how long that is, seconds.
     pub(super) fn drift(&mut self, dt_s: f64, odometry: Option<Odometry>) -> Result<f64> {
         let step_s = self.config.unseen.step_s;
-        if says_how_fast(odometry.as_ref()) || dt_s <= step_s {
+        if odometry.is_some_and(|shown| shown.tells_speed()) || dt_s <= step_s {
             return Ok(dt_s);
         }
-        let moved_s = self.longest_s(dt_s, None);
+        let moved_s = self.moved_on_s(dt_s, None);
         let steps = (moved_s / step_s).ceil();
         for _ in 1..steps as usize {
             self.roll(moved_s / steps, odometry)?;
@@ -51,11 +46,11 @@ impl Tracker<'_> {
     /// Moves on by `dt_s` as the odometry shows, where it is believed.
     fn roll(&mut self, dt_s: f64, shown: Option<Odometry>) -> Result<()> {
         self.map.next_frame()?;
-        let moved_s = self.longest_s(dt_s, shown.as_ref());
+        let moved_s = self.moved_on_s(dt_s, shown.as_ref());
         let odometry = self.believed(moved_s, shown);
         self.since_image_s += moved_s;
         // Whether what nothing tells was long shows once an image comes.
-        self.untold_s += if says_how_fast(odometry.as_ref()) { 0.0 } else { dt_s };
+        self.untold_s += if odometry.is_some_and(|shown| shown.tells_speed()) { 0.0 } else { dt_s };
         self.unfollowed_s += moved_s;
         self.predict(moved_s, odometry.as_ref());
         self.go_unseen(0.0, dt_s, odometry.as_ref());

@@ -238,7 +238,7 @@ impl Hypothesis {
         let way_m = self.state.velocity.fixed_rows::<3>(0).norm() * dt_s;
         self.foreseen.fade((-way_m / config.health.foreseen_memory_m).exp());
         self.way_m = way_m;
-        let is_told = odometry.is_some_and(|shown| shown.speed_m_s.is_some());
+        let is_told = odometry.is_some_and(Odometry::tells_speed);
         if !self.speed_is_unknown || dt_s <= 0.0 || is_told {
             self.speed_is_unknown &= !is_told;
             let was = (is_told && self.knows_its_speed()).then_some(&self.state);

@@ -108,6 +108,11 @@ pub struct LaneConfig {
     /// Longest stretch that a solid line goes on over where the road was seen to be
     /// bare, metres: worn. The mouths of side streets are wider.
     pub longest_bare_m: f64,
+    /// Largest share of a gap in itself and the shorter run of paint beside it that is
+    /// a spot of a solid line, worn or under a vehicle: of the patterns in use none
+    /// has gaps of less than a quarter of its period (3 m and 1 m, 9 m and 3 m), and
+    /// beams widen its marks by two bins.
+    pub largest_spot_share: f64,
     /// Least share of the bins of a solid line with a point of paint: of what
     /// was seen less often nobody knows where its gaps are.
     pub least_seen_share: f64,
@@ -223,6 +228,7 @@ impl Default for LaneConfig {
             shortest_dashed_m: 18.0,
             longest_unseen_m: 4.0,
             longest_bare_m: 8.0,
+            largest_spot_share: 0.18,
             least_seen_share: 0.4,
             longest_dash_m: 9.5,
             wall_m: [0.25, 1.5],

@@ -59,27 +59,66 @@ fn cut(group: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> Vec<Stretch
             None => stretches.push((kind, first.start..last.end)),
         }
     }
+    for (_, range) in stretches.iter_mut().filter(|(kind, _)| *kind == LaneKind::Solid) {
+        *range = without_blots(range.clone(), bins, config);
+    }
     stretches
+}
+
+/// A solid stretch without the blots before and behind it, behind more bare road
+/// than they have paint: stop lines and bars of crossings that it points at.
+fn without_blots(stretch: Range<usize>, bins: &[Bin], config: &LaneConfig) -> Range<usize> {
+    let bins = &bins[stretch.clone()];
+    let runs = runs(bins, config);
+    let is_blot = |run: &Range<usize>, gap: Range<usize>| {
+        (run.len() as f64) * config.profile_m < config.shortest_dash_m && run.len() < seen(&bins[gap])
+    };
+    let mut kept = &runs[..];
+    while let [first, second, ..] = kept
+        && is_blot(first, first.end..second.start)
+    {
+        kept = &kept[1..];
+    }
+    while let [rest @ .., last] = kept
+        && let Some(before) = rest.last()
+        && is_blot(last, before.end..last.start)
+    {
+        kept = rest;
+    }
+    let (Some(first), Some(last)) = (kept.first(), kept.last()) else { return stretch };
+    stretch.start + first.start..stretch.start + last.end
+}
+
+/// In how many bins the road was seen.
+fn seen(bins: &[Bin]) -> usize {
+    bins.iter().filter(|b| b.core.road > 0.0).count()
 }
 
 /// Whether the road between two runs was seen to have no paint: a solid line
 /// ends there, and is not worn or hidden.
 fn is_bare(gap: Range<usize>, bins: &[Bin], config: &LaneConfig) -> bool {
-    let seen = bins[gap.clone()].iter().filter(|b| b.core.road > 0.0).count() as f64;
-    gap.len() as f64 * config.profile_m > config.longest_bare_m && seen >= config.least_seen_share * gap.len() as f64
+    gap.len() as f64 * config.profile_m > config.longest_bare_m
+        && seen(&bins[gap.clone()]) as f64 >= config.least_seen_share * gap.len() as f64
 }
 
-/// Which runs are solid: the long ones. Long ones that were hardly seen may
-/// have gaps; they are what the run before them is, or the one after.
+/// Which runs are solid: the long ones, spots without paint left out. Long ones
+/// that were hardly seen may have gaps; they are what the run before them is, or
+/// the one after.
 fn are_solid(group: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> Vec<bool> {
-    let mut known: Vec<Option<bool>> = group
-        .iter()
-        .map(|run| {
-            let seen = bins[run.clone()].iter().filter(|b| b.core.bright > 0.0).count() as f64;
-            let is_long = run.len() as f64 * config.profile_m > config.longest_dash_m;
-            (!is_long || seen >= config.least_seen_share * run.len() as f64).then_some(is_long)
-        })
-        .collect();
+    let is_spot = |a: &Range<usize>, b: &Range<usize>| {
+        let (gap, shorter) = (b.start - a.end, a.len().min(b.len()));
+        (gap as f64) < config.largest_spot_share * (gap + shorter) as f64
+    };
+    let of_pieces = |pieces: &[Range<usize>]| {
+        let (Some(first), Some(last)) = (pieces.first(), pieces.last()) else { return None };
+        let run = first.start..last.end;
+        let seen = bins[run.clone()].iter().filter(|b| b.core.bright > 0.0).count() as f64;
+        let is_long = run.len() as f64 * config.profile_m > config.longest_dash_m;
+        (!is_long || seen >= config.least_seen_share * run.len() as f64).then_some(is_long)
+    };
+    let runs = group.chunk_by(|a, b| is_spot(a, b));
+    let mut known: Vec<Option<bool>> =
+        runs.flat_map(|pieces| std::iter::repeat_n(of_pieces(pieces), pieces.len())).collect();
     let from_before = |known: &mut dyn Iterator<Item = &mut Option<bool>>| {
         let mut last = None;
         for is_solid in known {
@@ -146,11 +185,43 @@ mod tests {
             stretches(&line(&parts, &config), &config).iter().map(|stretch| stretch.0).collect::<Vec<LaneKind>>()
         };
         assert_eq!(kinds(&[3.5, 2.25, 2.75, 0.75, 1.25, 0.75, 4.0]), [LaneKind::Dashed]);
-        assert_eq!(kinds(&[8.0, 1.0, 8.0, 2.0, 3.0]), [LaneKind::Dashed]);
+        assert_eq!(kinds(&[8.0, 2.0, 8.0, 2.0, 3.0]), [LaneKind::Dashed]);
         // As much of it is painted, and no pattern has such a gap.
         assert_eq!(kinds(&[4.0, 1.5, 5.0, 10.0, 1.75]), []);
         // Bars of two crossings and a stop line.
         assert_eq!(kinds(&[3.5, 12.0, 3.5, 6.5, 1.5]), []);
+    }
+
+    #[test]
+    fn a_solid_line_has_spots_without_paint_and_dashes_have_gaps() {
+        let config = LaneConfig::default();
+        let kinds = |dash_m: f64, gap_m: f64| {
+            let parts: Vec<(f64, bool, f64)> =
+                (0..9).map(|i| (if i % 2 == 0 { dash_m } else { gap_m }, i % 2 == 0, 4.0)).collect();
+            stretches(&line(&parts, &config), &config).iter().map(|stretch| stretch.0).collect::<Vec<LaneKind>>()
+        };
+        assert_eq!(kinds(6.0, 1.0), [LaneKind::Solid]);
+        // The patterns with the shortest gaps, as wide as beams make their marks.
+        assert_eq!(kinds(9.5, 2.5), [LaneKind::Dashed]);
+        assert_eq!(kinds(3.25, 0.75), [LaneKind::Dashed]);
+    }
+
+    #[test]
+    fn a_solid_line_does_not_reach_to_the_stop_line_that_it_points_at() {
+        let config = LaneConfig::default();
+        let ends_m = |blot_m: f64, road: f64| {
+            let parts =
+                [(blot_m, true, 4.0), (3.5, false, road), (20.0, true, 4.0), (3.5, false, road), (blot_m, true, 4.0)];
+            let stretches = stretches(&line(&parts, &config), &config);
+            stretches
+                .iter()
+                .map(|(_, range)| [range.start, range.end].map(|i| i as f64 * config.profile_m))
+                .collect::<Vec<[f64; 2]>>()
+        };
+        assert_eq!(ends_m(0.5, 4.0), [[4.0, 24.0]]);
+        // Worn, or behind a vehicle.
+        assert_eq!(ends_m(2.0, 4.0), [[0.0, 31.0]]);
+        assert_eq!(ends_m(0.5, 0.0), [[0.0, 28.0]]);
     }
 
     #[test]

@@ -38,7 +38,7 @@ enum Command {
 }
 
 /// Where the settings come from.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct ConfigArgs {
     /// TOML file with what differs from the defaults.
     #[arg(long, value_name = "FILE")]

@@ -15,3 +15,4 @@ pub mod realism;
 pub mod trial;
 pub mod truth;
 pub mod turned;
+pub mod weather;

@@ -2,7 +2,7 @@
 //! wrong, or with a part of the localizer switched off.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use common::geometry::{PinholeCamera, Pose};
@@ -26,18 +26,20 @@ use serde::Serialize;
 pub use localizer::eval::trust::ALERT_LIMIT_M;
 
 /// The drive, and how it is localized.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct LookArgs {
+    /// The drive, and where its features come from.
     #[command(flatten)]
-    input: InputArgs,
+    pub input: InputArgs,
     /// Seed of the simulated GPS start, and of whatever else is drawn.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
     /// What wheels and gyroscope say: lines `t_s,speed_m_s,yaw_rate_rad_s`.
     #[arg(long, value_name = "FILE")]
     odometry: Option<PathBuf>,
+    /// How it is localized.
     #[command(flatten)]
-    config: ConfigArgs,
+    pub config: ConfigArgs,
 }
 
 /// A drive for a table of many runs.
@@ -106,12 +108,32 @@ impl Images {
 }
 
 impl LookArgs {
+    /// The same drive where another folder has its images: it has no poses.
+    ///
+    /// # Errors
+    /// As [`InputArgs::open_drive`].
+    pub fn at(&self, root: &Path) -> localizer::Result<Self> {
+        let mut there = self.clone();
+        if there.input.truth.is_none() {
+            there.input.truth = Some(self.input.open_drive()?.sequence.poses_path());
+        }
+        there.input.kitti = Some(root.to_path_buf());
+        Ok(there)
+    }
+
     /// Looks at all images; none where the settings were to be printed, and are.
     ///
     /// # Errors
     /// Where an option is missing or a file cannot be read.
     pub fn read(&self) -> localizer::Result<Option<Trial>> {
-        let Some(mut config) = self.config.load()? else { return Ok(None) };
+        self.config.load()?.map(|config| self.read_by(config)).transpose()
+    }
+
+    /// Looks at all images by these settings.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn read_by(&self, mut config: Config) -> localizer::Result<Trial> {
         let wheels = self.input.read_odometry(self.odometry.as_deref())?;
         let images = Images {
             root: self.input.kitti.clone().unwrap_or_default(),
@@ -132,7 +154,7 @@ impl LookArgs {
         frames.retain(|seen| seen.frame < truth.len());
         let (camera, image) = (input.drive.camera, input.image);
         let method = Method::Robust;
-        Ok(Some(Trial { map, camera, image, frames, fixes, odometry, images, truth, config, method }))
+        Ok(Trial { map, camera, image, frames, fixes, odometry, images, truth, config, method })
     }
 }
 

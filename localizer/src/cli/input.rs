@@ -19,7 +19,7 @@ use crate::watch::{MotionOfImages, Watched, watch};
 use crate::{Error, Result};
 
 /// The drive and where its features come from.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct InputArgs {
     /// Map file (.csm), or atlas of many (.csa).
     #[arg(long, value_name = "FILE")]

@@ -12,6 +12,7 @@ const FAULTS: &str = env!("CARGO_BIN_EXE_faults");
 const ABLATION: &str = env!("CARGO_BIN_EXE_ablation");
 const BUDGET_CURVE: &str = env!("CARGO_BIN_EXE_budget-curve");
 const FIGURES: &str = env!("CARGO_BIN_EXE_figures");
+const WEATHER: &str = env!("CARGO_BIN_EXE_weather");
 
 /// The words for the plain drive with black label images in an empty map.
 fn black(root: &Path) -> Vec<String> {
@@ -47,6 +48,8 @@ fn a_drive_in_which_nothing_is_localized_has_no_figures() {
     let rows = run_path(FAULTS, &[&drive[..], &["--only", "black,none", "--json"]].concat());
     let rows: serde_json::Value = serde_json::from_str(&rows.out).unwrap();
     assert!(rows[1]["why_none"].as_str().unwrap().starts_with(said) && rows[1].get("rms_m").is_none(), "{rows}");
+    // They do not show what the images would in fog.
+    run_path(WEATHER, &drive).refused(&["`--labels` were made of the images as they are"]);
     let out = root.path().join("figures");
     run_path(FIGURES, &[&drive[..], &["--out", text(&out)]].concat()).refused(&[said]);
     assert!(!out.exists());

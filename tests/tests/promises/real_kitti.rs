@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use waymark_tests::{data, pole_map};
 
-use crate::support::{build, run, text};
+use crate::support::{build, run, run_path, text};
 
 /// The map of KITTI 04 and the poses that it was built with.
 struct Real {
@@ -30,6 +30,17 @@ impl Real {
 
     fn trajectory(&self) -> PathBuf {
         self.folder.path().join("04.txt")
+    }
+
+    /// The options that name the networks, where there are any.
+    fn networks(&self) -> Option<[String; 4]> {
+        let models = self.root.join("../models");
+        let nets = ["espnetv2_cityscapes_384x1248.onnx", "twinlitenet_lane_384x1248.onnx"].map(|net| models.join(net));
+        if !nets.iter().all(|net| net.is_file()) {
+            eprintln!("no networks in {}: nothing is tested with them", models.display());
+            return None;
+        }
+        Some(["--pole-net", text(&nets[0]), "--lane-net", text(&nets[1])].map(str::to_owned))
     }
 
     fn score(&self) -> pole_map::Score {
@@ -57,21 +68,11 @@ fn its_poles_are_those_of_the_pole_map() {
 #[test]
 fn the_camera_of_the_drive_is_localized_through_the_networks_better_than_the_paper_says() {
     let Some(real) = Real::build("5") else { return };
-    let models = real.root.join("../models");
-    let nets = ["espnetv2_cityscapes_384x1248.onnx", "twinlitenet_lane_384x1248.onnx"].map(|net| models.join(net));
-    if !nets.iter().all(|net| net.is_file()) {
-        eprintln!("no networks in {}: nothing is tested with them", models.display());
-        return;
-    }
+    let Some(networks) = real.networks() else { return };
     let (map, out) = (real.map(), real.folder.path().join("localized"));
-    let words = [
-        ["run", "--map", text(&map)],
-        ["--sequence", "04", "--kitti"],
-        [text(&real.root), "--pole-net", text(&nets[0])],
-        ["--lane-net", text(&nets[1]), "--last"],
-        ["50", "--out", text(&out)],
-    ];
-    println!("{}", run("localizer", &words.concat()).ok());
+    let words = ["run", "--map", text(&map), "--sequence", "04", "--kitti", text(&real.root), "--last", "50"];
+    let words = [&words[..], &networks.each_ref().map(String::as_str), &["--out", text(&out)]].concat();
+    println!("{}", run("localizer", &words).ok());
     let truth = real.root.join("poses/04.txt");
     let words = ["eval", "--estimate", text(&out), "--truth", text(&truth), "--json"];
     let said = run("localizer", &words).ok();
@@ -80,4 +81,18 @@ fn the_camera_of_the_drive_is_localized_through_the_networks_better_than_the_pap
     assert!(figure("rms_position_m") <= 0.20, "{said}");
     assert!(figure("share_under_half_metre") >= 0.98, "{said}");
     assert!(figure("mean_angle_rad") <= 0.010, "{said}");
+}
+
+#[test]
+fn in_fog_it_is_localized_better_than_the_paper_says_and_no_frame_is_ok_and_off() {
+    let Some(real) = Real::build("5") else { return };
+    let Some(networks) = real.networks() else { return };
+    let (map, truth) = (real.map(), real.trajectory());
+    let words = ["--map", text(&map), "--sequence", "04", "--kitti", text(&real.root), "--truth", text(&truth)];
+    let more = ["--last", "25", "--only", "fog", "--json"];
+    let words = [&words[..], &networks.each_ref().map(String::as_str), &more].concat();
+    let said = run_path(env!("CARGO_BIN_EXE_weather"), &words).ok();
+    let rows: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert!(rows[0]["rms_m"].as_f64().unwrap() <= 0.345, "{said}");
+    assert_eq!(rows[0]["hazards"].as_array().unwrap().len(), 0, "{said}");
 }

@@ -57,9 +57,9 @@ pub struct RoadPoint {
 const CELL_M: f64 = 0.25;
 
 impl RoadPoints {
-    /// The points of the parts of a cloud.
-    fn new(parts: &[Vec<RoadPoint>], (from_m, to_m): (f64, f64), config: &LaneConfig) -> Self {
-        let half_m = config.half_width_m;
+    /// The points of the parts of a cloud, between two stations and as far beside
+    /// them as is given, metres.
+    fn new(parts: &[Vec<RoadPoint>], (from_m, to_m): (f64, f64), half_m: f64) -> Self {
         let grid = Grid::covering(Point2::new(-half_m, from_m), Point2::new(half_m, to_m), CELL_M);
         let cell = |p: &RoadPoint| grid.index(&Point2::new(f64::from(p.offset_m), f64::from(p.station_m)));
         // Found once: the sort asks twice.
@@ -98,12 +98,15 @@ impl Paint {
             })
         };
         let split = |part: &[CloudPoint]| split(part.iter().filter_map(place), part.len(), config);
-        Self::new(cloud.points.par_chunks(PART).map(split).collect(), &cloud.path, config)
+        Self::new(cloud.points.par_chunks(PART).map(split).collect(), &cloud.path, config.half_width_m)
     }
 
-    /// The paint beside a straight path of another direction, as far as it goes.
+    /// The paint beside a straight path of another direction, as far as it goes: as far
+    /// aside as lines are sought, and as far beyond as the bars of a crossing are that
+    /// tell one of them from a line.
     pub fn beside(cloud: &Cloud, path: &Path, config: &LaneConfig) -> Self {
         let ends_m = path.start_station_m()..path.end_station_m();
+        let half_m = config.half_width_m + config.fords.across_m[1];
         let (start, direction) = path.at(ends_m.start);
         let place = |p: &CloudPoint| {
             let contrast = p.contrast.filter(|_| is_road(p, config))?;
@@ -111,27 +114,27 @@ impl Paint {
             let station_m = ends_m.start + from_start.dot(&direction);
             let offset_m = from_start.perp(&direction);
             let height_m = -p.position.y as f32;
-            let is_beside = ends_m.contains(&station_m) && offset_m.abs() < config.half_width_m;
+            let is_beside = ends_m.contains(&station_m) && offset_m.abs() < half_m;
             is_beside.then_some(PathPoint { station_m, offset_m, height_m, contrast })
         };
-        let corners = [ends_m.start, ends_m.end]
-            .map(|station_m| [-config.half_width_m, config.half_width_m].map(|side_m| path.beside(station_m, side_m)));
+        let corners =
+            [ends_m.start, ends_m.end].map(|station_m| [-half_m, half_m].map(|side_m| path.beside(station_m, side_m)));
         let corners = corners.as_flattened().iter().map(|p| Point2::new(p.x, p.z));
         let beside = |p: &Point2<f64>, reach_m: f64| {
             let offset_m = Vector2::new(p.x - start.x, p.y - start.z).perp(&direction);
-            offset_m.abs() < config.half_width_m + reach_m
+            offset_m.abs() < half_m + reach_m
         };
         let places = cloud.ground_around(corners, beside).filter_map(place);
-        Self::new(vec![split(places, PART, config)], path, config)
+        Self::new(vec![split(places, PART, config)], path, half_m)
     }
 
-    fn new(parts: Vec<(Vec<PathPoint>, Vec<RoadPoint>)>, path: &Path, config: &LaneConfig) -> Self {
+    fn new(parts: Vec<(Vec<PathPoint>, Vec<RoadPoint>)>, path: &Path, half_m: f64) -> Self {
         let (bright, road): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
         let mut bright = bright.concat();
         // Stable: points of one station keep the order of the scans.
         bright.sort_by(|a, b| a.station_m.total_cmp(&b.station_m));
         let stations_m = (path.start_station_m(), path.end_station_m() + CELL_M);
-        Self { bright, road: RoadPoints::new(&road, stations_m, config) }
+        Self { bright, road: RoadPoints::new(&road, stations_m, half_m) }
     }
 }
 
@@ -169,7 +172,10 @@ pub(super) fn between(points: &[PathPoint], from_m: f64, to_m: f64) -> &[PathPoi
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Point3;
+
     use super::*;
+    use crate::testing::{CAMERA_HEIGHT_M, Street};
 
     #[test]
     fn a_rectangle_of_the_road_has_all_of_its_points_once() {
@@ -181,7 +187,7 @@ mod tests {
         };
         let parts: Vec<Vec<RoadPoint>> =
             (0..5).map(|part| (part * 800..(part + 1) * 800).map(point).collect()).collect();
-        let road = RoadPoints::new(&parts, (-5.0, 45.5), &config);
+        let road = RoadPoints::new(&parts, (-5.0, 45.5), config.half_width_m);
         for (stations_m, offsets_m) in
             [([3.1, 4.35], [-4.02, -1.0]), ([-5.0, -4.2], [-20.0, -12.0]), ([44.2, 60.0], [11.0, 20.0])]
         {
@@ -199,5 +205,20 @@ mod tests {
             assert!(!found.is_empty(), "{stations_m:?}");
             assert!(road.near(stations_m, offsets_m).count() < 400, "most of the road is not looked at");
         }
+    }
+
+    #[test]
+    fn beside_the_farthest_line_there_is_the_paint_that_tells_whether_it_is_one() {
+        let mut street = Street::new();
+        for i in 0..1200_i32 {
+            let x = f64::from(i) * 0.01 - 6.0;
+            street.add(Point3::new(x, CAMERA_HEIGHT_M, 20.0), 3, 0.5, Some(8.0));
+        }
+        let (cloud, config) = (street.cloud(), LaneConfig { half_width_m: 3.0, ..LaneConfig::default() });
+        let path = Path::new(&[Point3::new(0.0, 0.0, 10.0), Point3::new(0.0, 0.0, 30.0)], 0.0);
+        let paint = Paint::beside(&cloud, &path, &config);
+        let farthest_m = paint.bright.iter().map(|p| p.offset_m.abs()).fold(0.0, f64::max);
+        let bars_m = config.half_width_m + config.fords.across_m[1];
+        assert!(farthest_m > bars_m - 0.02 && farthest_m <= bars_m, "{farthest_m}");
     }
 }

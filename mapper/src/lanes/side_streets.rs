@@ -135,7 +135,11 @@ pub fn find_side_lines(cloud: &Cloud, known: &[LanePiece], config: &LaneConfig) 
         let reach = axis.direction * config.window_m;
         let end = |at: Point2<f64>| Point3::new(at.x, 0.0, at.y);
         let path = Path::new(&[end(axis.middle - reach), end(axis.middle + reach)], 0.0);
-        lines_along(&path, &Paint::beside(cloud, &path, &own), cloud, &own)
+        let mut pieces = lines_along(&path, &Paint::beside(cloud, &path, &own), cloud, &own);
+        // What lies beyond is looked at on one of its sides alone.
+        let is_within = |p: &Point3<f64>| axis.place_m(&Point2::new(p.x, p.z)).1.abs() < own.half_width_m;
+        pieces.retain(|piece| piece.points_map.iter().all(is_within));
+        pieces
     };
     let found: Vec<Vec<LanePiece>> = searched.par_iter().map(along).collect();
     let mut lines: Vec<LanePiece> = Vec::new();

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use common::geometry::{PinholeCamera, Pose};
+use common::kitti::Sequence;
 use common::map::SemanticMap;
 use localizer::cli::ConfigArgs;
 use localizer::cli::input::{InputArgs, simulated};
@@ -108,17 +109,14 @@ impl Images {
 }
 
 impl LookArgs {
-    /// The same drive where another folder has its images: it has no poses.
-    ///
-    /// # Errors
-    /// As [`InputArgs::open_drive`].
-    pub fn at(&self, root: &Path) -> localizer::Result<Self> {
+    /// The same, of a folder with other images of its sequence: the poses are where
+    /// they were.
+    #[must_use]
+    pub fn at(&self, root: &Path, sequence: &Sequence) -> Self {
         let mut there = self.clone();
-        if there.input.truth.is_none() {
-            there.input.truth = Some(self.input.open_drive()?.sequence.poses_path());
-        }
+        there.input.truth.get_or_insert_with(|| sequence.poses_path());
         there.input.kitti = Some(root.to_path_buf());
-        Ok(there)
+        there
     }
 
     /// Looks at all images; none where the settings were to be printed, and are.

@@ -160,8 +160,9 @@ impl Row {
     /// As [`Weather::write`], [`LookArgs::read`] and [`crate::trial::Trial::run`].
     pub fn of(weather: Weather, look: &LookArgs, config: &Config) -> localizer::Result<Self> {
         let folder = tempfile::tempdir().map_err(common::Error::io(std::env::temp_dir()))?;
-        weather.write(&look.input.open_drive()?, folder.path(), look.seed)?;
-        let trial = look.at(folder.path())?.read_by(config.clone())?;
+        let drive = look.input.open_drive()?;
+        weather.write(&drive, folder.path(), look.seed)?;
+        let trial = look.at(folder.path(), &drive.sequence).read_by(config.clone())?;
         let count = trial.frames.len().max(1) as f64;
         let mean = |of: &dyn Fn(&Features) -> usize| {
             trial.frames.iter().map(|seen| of(&seen.features)).sum::<usize>() as f64 / count

@@ -201,6 +201,7 @@ mod tests {
             stretches(&line(&parts, &config), &config).iter().map(|stretch| stretch.0).collect::<Vec<LaneKind>>()
         };
         assert_eq!(kinds(6.0, 1.0), [LaneKind::Solid]);
+        assert_eq!(kinds(8.0, 1.0), [LaneKind::Solid]);
         // The patterns with the shortest gaps, as wide as beams make their marks.
         assert_eq!(kinds(9.5, 2.5), [LaneKind::Dashed]);
         assert_eq!(kinds(3.25, 0.75), [LaneKind::Dashed]);

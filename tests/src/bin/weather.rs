@@ -29,8 +29,11 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Outcome {
     let TrialArgs { look, json, list } = &arguments.of;
     let Some(config) = look.config.load()? else { return Ok(()) };
-    if look.input.labels.is_some() {
-        return Err("`--labels` were made of the images as they are; give `--pole-net` and `--lane-net`".into());
+    let input = &look.input;
+    if input.labels.is_some() || (input.pole_net.is_none() && input.lane_net.is_none()) {
+        return Err(
+            "networks have to look at the spoilt images; give `--pole-net` and `--lane-net`, no `--labels`".into()
+        );
     }
     let all = if arguments.only.is_empty() { Weather::value_variants() } else { &arguments.only };
     let mut rows = Vec::new();

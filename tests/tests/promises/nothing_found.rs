@@ -49,7 +49,7 @@ fn a_drive_in_which_nothing_is_localized_has_no_figures() {
     let rows: serde_json::Value = serde_json::from_str(&rows.out).unwrap();
     assert!(rows[1]["why_none"].as_str().unwrap().starts_with(said) && rows[1].get("rms_m").is_none(), "{rows}");
     // They do not show what the images would in fog.
-    run_path(WEATHER, &drive).refused(&["`--labels` were made of the images as they are"]);
+    run_path(WEATHER, &drive).refused(&["give `--pole-net` and `--lane-net`, no `--labels`"]);
     let out = root.path().join("figures");
     run_path(FIGURES, &[&drive[..], &["--out", text(&out)]].concat()).refused(&[said]);
     assert!(!out.exists());

@@ -72,13 +72,22 @@ impl SignKind {
 
 impl LaneKind {
     /// All kinds, in the order of the map file.
-    pub const ALL: [Self; 2] = [Self::Solid, Self::Dashed];
+    pub const ALL: [Self; 3] = [Self::Solid, Self::Dashed, Self::Kerb];
+
+    /// Those that are painted, likewise.
+    pub const PAINTED: [Self; 2] = [Self::Solid, Self::Dashed];
+
+    /// Whether it is painted.
+    pub fn is_painted(self) -> bool {
+        Self::PAINTED.contains(&self)
+    }
 
     /// Its name, one word.
     pub fn name(self) -> &'static str {
         match self {
             Self::Solid => "solid-line",
             Self::Dashed => "dashed-line",
+            Self::Kerb => "kerb",
         }
     }
 }

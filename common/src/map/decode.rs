@@ -45,7 +45,7 @@ pub fn decode_with_layout(bytes: &[u8]) -> Result<(SemanticMap, MapLayout)> {
 
 fn decode(bytes: &[u8]) -> Result<(SemanticMap, MapLayout)> {
     let (form, body) = open(bytes)?;
-    let (body, mut sections) = Body::from_bytes(body, form.has_marks)?;
+    let (body, mut sections) = Body::from_bytes(body, form)?;
     if let Some(header) = sections.first_mut() {
         header.bytes += PREFIX_BYTES;
     }
@@ -95,7 +95,7 @@ fn checked(body: Body, grid: Grid, leans: Leans) -> Result<SemanticMap> {
             Some(centroid)
         })?;
     }
-    for (kind, groups) in LaneKind::ALL.into_iter().zip(&body.lanes) {
+    for (kind, groups) in LaneKind::ALL.into_iter().zip(body.lanes.iter().chain(&body.kerbs)) {
         each(kind.name(), groups, &paths, |road, before, line| {
             let points = vertices(before, line, 2, String::new).ok()?;
             let first = points[0];

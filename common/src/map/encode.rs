@@ -28,7 +28,8 @@ impl SemanticMap {
     /// The same with the leans of poles as other versions have them.
     pub(super) fn encode_with(&self, leans: Leans, options: EncodeOptions) -> Result<Vec<u8>> {
         let body = body(self, Grid::from_m(options.quantum_m)?, leans)?;
-        seal(Form { has_marks: body.marks.is_some(), leans }, &body.to_bytes()?)
+        let form = Form { has_marks: body.marks.is_some(), has_kerbs: body.kerbs.is_some(), leans };
+        seal(form, &body.to_bytes()?)
     }
 }
 
@@ -48,9 +49,13 @@ fn body(map: &SemanticMap, grid: Grid, leans: Leans) -> Result<Body> {
     let head = head(map, corners_around(map, &poles, grid, leans)?, grid)?;
     let poles = by_kind_and_road(PoleKind::ALL, &poles, &frames, |pole: &GridPole| pole.foot)?;
     let signs = by_kind_and_road(SignKind::ALL, &signs, &frames, |sign: &GridSign| sign.0)?;
-    let lanes = by_kind_and_road(LaneKind::ALL, &lanes, &frames, |lane: &GridLane| lane.0[0])?;
-    let marks =
-        LaneKind::ALL.iter().position(|kind| *kind == LaneKind::Dashed).and_then(|dashed| marks(&lanes[dashed]));
+    let [solid, dashed, kerbs] = by_kind_and_road(LaneKind::ALL, &lanes, &frames, |lane: &GridLane| lane.0[0])?;
+    let kerbs = (!kerbs.is_empty()).then_some(kerbs);
+    // Kerbs stand behind the marks, if there are some or none.
+    let marks = marks(&dashed).or_else(|| kerbs.as_ref().map(|_| List(Vec::new())));
+    let lines = |groups: Vec<Vec<GridLane>>| {
+        steps(groups, &frames, |before, (line, _): &GridLane| (polyline(before, line), line[0]))
+    };
     let mut end = [0; 3];
     let roads = roads
         .iter()
@@ -78,8 +83,9 @@ fn body(map: &SemanticMap, grid: Grid, leans: Leans) -> Result<Body> {
                 (wire::Sign { centroid: step(before, centroid), size: Unsigned(size) }, centroid)
             })
         }),
-        lanes: lanes.map(|groups| steps(groups, &frames, |before, (line, _)| (polyline(before, line), line[0]))),
+        lanes: [solid, dashed].map(lines),
         marks,
+        kerbs: kerbs.map(lines),
     })
 }
 
@@ -152,8 +158,8 @@ fn lanes(map: &SemanticMap, grid: Grid) -> Result<Unsorted<LaneKind, GridLane>> 
             lane.points_map.iter().map(|point| grid.point(point, || format!("lane line {index}"))).collect();
         let is_apart = |pair: &[[f64; 2]]| pair[0][1] <= pair[1][0];
         let is_ordered = lane.marks_m.iter().all(|[from, to]| from <= to) && lane.marks_m.windows(2).all(is_apart);
-        if !is_ordered || (lane.kind == LaneKind::Solid && !lane.marks_m.is_empty()) {
-            let what = format!("the marks of lane line {index} are not in order, or it is solid; remove them");
+        if !is_ordered || (lane.kind != LaneKind::Dashed && !lane.marks_m.is_empty()) {
+            let what = format!("the marks of lane line {index} are not in order, or it is not dashed; remove them");
             return Err(unencodable(what));
         }
         let marks = grid_marks(&lane.marks_m, grid, || format!("a mark of lane line {index}"))?;

@@ -8,13 +8,15 @@ use crate::{Error, Result};
 const MAGIC: &[u8; 3] = b"CSM";
 
 /// The newest version that this program reads.
-const NEWEST: u8 = 4;
+const NEWEST: u8 = 5;
 
 /// What a file holds, as its version says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Form {
     /// The marks of dashed lines.
     pub has_marks: bool,
+    /// Kerbs, behind the marks.
+    pub has_kerbs: bool,
     /// How the leans of poles are given.
     pub leans: Leans,
 }
@@ -23,10 +25,11 @@ impl Form {
     fn of_version(version: u8) -> Option<Self> {
         let leans = match version {
             1 | 2 => Leans::Quanta,
-            3 | 4 => Leans::Thousandths,
+            3..=5 => Leans::Thousandths,
             _ => return None,
         };
-        Some(Self { has_marks: version.is_multiple_of(2), leans })
+        let has_kerbs = version == 5;
+        Some(Self { has_marks: has_kerbs || version.is_multiple_of(2), has_kerbs, leans })
     }
 
     /// The version that says so.
@@ -35,7 +38,7 @@ impl Form {
             Leans::Quanta => 1,
             Leans::Thousandths => 3,
         };
-        first + u8::from(self.has_marks)
+        first + u8::from(self.has_marks) + u8::from(self.has_kerbs)
     }
 }
 

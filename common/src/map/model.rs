@@ -29,13 +29,16 @@ pub enum SignKind {
     TrafficLight,
 }
 
-/// How a lane line is painted.
+/// What a lane line is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum LaneKind {
-    /// Without gaps.
+    /// Painted without gaps.
     Solid,
-    /// With gaps; the polyline runs through them.
+    /// Painted with gaps; the polyline runs through them.
     Dashed,
+    /// The edge of a carriageway on which nothing is painted, along its kerb or gutter:
+    /// networks for lane lines see it.
+    Kerb,
 }
 
 /// Eq. 1: a pole as the two control points of its axis, the feet of the
@@ -76,7 +79,7 @@ pub struct Sign {
 /// Eq. 3: a lane line as a point sequence on the ground.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LaneLine {
-    /// How it is painted.
+    /// What it is.
     pub kind: LaneKind,
     /// At least two vertices, map frame, metres, in driving order.
     pub points_map: Vec<Point3<f64>>,
@@ -84,7 +87,7 @@ pub struct LaneLine {
     pub road: RoadId,
     /// Where each mark of a dashed line begins and ends, metres along the
     /// polyline from its first vertex; ascending, apart. Where a line is cut
-    /// inside a mark, this reaches beyond its end. Empty for a solid line, and
+    /// inside a mark, this reaches beyond its end. Empty for any other line, and
     /// where nobody knows.
     pub marks_m: Vec<[f64; 2]>,
 }

@@ -44,7 +44,8 @@ fn encode(map: &SemanticMap) -> Vec<u8> {
 /// What versions have in which way.
 fn form(version: u8) -> envelope::Form {
     let leans = if version < 3 { Leans::Quanta } else { Leans::Thousandths };
-    envelope::Form { has_marks: version.is_multiple_of(2), leans }
+    let has_kerbs = version == 5;
+    envelope::Form { has_marks: has_kerbs || version.is_multiple_of(2), has_kerbs, leans }
 }
 
 /// `bytes` with the length and checksum that belong to them.
@@ -114,6 +115,37 @@ fn marks_make_another_version_and_stand_behind_all_lines() {
 }
 
 #[test]
+fn kerbs_make_another_version_and_stand_behind_the_marks() {
+    let kerb = LaneLine {
+        kind: LaneKind::Kerb,
+        points_map: vec![Point3::new(4.0, 1.65, 2.0), Point3::new(4.2, 1.6, 22.0)],
+        road: RoadId(0),
+        marks_m: Vec::new(),
+    };
+    let mut map = example_with_marks();
+    map.lanes.push(kerb);
+    let (marked, bytes) = (encode(&example_with_marks()), encode(&map));
+    assert_eq!((marked[3], bytes[3]), (4, 5));
+    let body = marked.len() - envelope::CHECKSUM_BYTES;
+    assert_eq!(bytes[8..body], marked[8..body], "nothing else changes");
+    let documented = hex_dump(include_str!("../../FORMAT.md"), 2);
+    let hex: Vec<String> = bytes[body..].iter().map(|byte| format!("{byte:02x}")).collect();
+    assert_eq!(bytes[body..], documented, "{} of {}", hex.join(" "), bytes.len());
+    map.poles.reverse();
+    assert_eq!(SemanticMap::decode(&bytes).unwrap(), map);
+    // Without marks their section is empty; without kerbs there is none.
+    map.lanes[0].marks_m.clear();
+    let unmarked = encode(&map);
+    assert_eq!(SemanticMap::decode(&unmarked).unwrap(), map);
+    assert_eq!(layout(&unmarked).unwrap().sections.iter().map(|s| s.items).collect::<Vec<_>>()[10..], [0, 1, 1]);
+    let none = [&marked[..3], &[5], &marked[4..body], &[0], &marked[body..]].concat();
+    let error = SemanticMap::decode(&resealed(&none)).unwrap_err();
+    assert!(error.to_string().contains("canonical"), "a section of no kerbs is left out: {error}");
+    map.lanes[1].marks_m = vec![[1.0, 2.0]];
+    assert!(map.encode(&EncodeOptions::default()).unwrap_err().to_string().contains("not dashed"));
+}
+
+#[test]
 fn marks_that_touch_on_the_grid_are_one() {
     let mut map = example();
     map.lanes[0].marks_m = vec![[1.0, 2.0], [2.003, 3.0], [4.0, 4.002], [5.0, 6.0]];
@@ -178,7 +210,7 @@ fn a_map_of_a_future_version_says_which_one_is_read() {
     let mut bytes = encode(&example());
     bytes[3] = 9;
     let said = SemanticMap::decode(&bytes).unwrap_err().to_string();
-    assert!(said.contains("version 9") && said.contains("reads versions up to 4"), "{said}");
+    assert!(said.contains("version 9") && said.contains("reads versions up to 5"), "{said}");
 }
 
 #[test]

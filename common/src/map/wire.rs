@@ -8,6 +8,7 @@ use bincode::enc::Encoder;
 use bincode::error::{DecodeError, EncodeError};
 use bincode::{Decode, Encode};
 
+use super::envelope::Form;
 use super::varint::{Signed, Unsigned};
 use super::{LaneKind, PoleKind, SectionSize, SignKind};
 use crate::{Error, Result};
@@ -82,10 +83,12 @@ pub(super) struct Body {
     pub roads: List<Polyline>,
     pub poles: [ByRoad<Pole>; PoleKind::ALL.len()],
     pub signs: [ByRoad<Sign>; SignKind::ALL.len()],
-    pub lanes: [ByRoad<Polyline>; LaneKind::ALL.len()],
+    pub lanes: [ByRoad<Polyline>; LaneKind::PAINTED.len()],
     /// Of the dashed lines, up to the last that has some; none in a file that
     /// has no such section.
     pub marks: Option<List<Marks>>,
+    /// None in a file that has no such section.
+    pub kerbs: Option<ByRoad<Polyline>>,
 }
 
 impl Body {
@@ -98,11 +101,12 @@ impl Body {
         self.signs.iter().try_for_each(|signs| append(&mut bytes, signs))?;
         self.lanes.iter().try_for_each(|lanes| append(&mut bytes, lanes))?;
         self.marks.iter().try_for_each(|marks| append(&mut bytes, marks))?;
+        self.kerbs.iter().try_for_each(|kerbs| append(&mut bytes, kerbs))?;
         Ok(bytes)
     }
 
-    /// All sections, the last only where it `has_marks`, and how much each took.
-    pub fn from_bytes(bytes: &[u8], has_marks: bool) -> Result<(Self, Vec<SectionSize>)> {
+    /// All sections, the last two only where its form has them, and how much each took.
+    pub fn from_bytes(bytes: &[u8], form: Form) -> Result<(Self, Vec<SectionSize>)> {
         let mut reader = SectionReader { rest: bytes, sizes: Vec::new() };
         let head = reader.section("header", |_| 1)?;
         let roads = reader.section("roads", |roads: &List<_>| roads.0.len())?;
@@ -114,17 +118,18 @@ impl Body {
         for (slot, kind) in signs.iter_mut().zip(SignKind::ALL) {
             *slot = reader.section(kind.name(), count)?;
         }
-        let mut lanes = LaneKind::ALL.map(|_| List(Vec::new()));
-        for (slot, kind) in lanes.iter_mut().zip(LaneKind::ALL) {
+        let mut lanes = LaneKind::PAINTED.map(|_| List(Vec::new()));
+        for (slot, kind) in lanes.iter_mut().zip(LaneKind::PAINTED) {
             *slot = reader.section(kind.name(), count)?;
         }
         let of_all = |marks: &List<Marks>| marks.0.iter().map(|line| line.0.len()).sum();
-        let marks = if has_marks { Some(reader.section("marks", of_all)?) } else { None };
+        let marks = if form.has_marks { Some(reader.section("marks", of_all)?) } else { None };
+        let kerbs = if form.has_kerbs { Some(reader.section(LaneKind::Kerb.name(), count)?) } else { None };
         if !reader.rest.is_empty() {
             let what = format!("{} bytes stand after the last section", reader.rest.len());
             return Err(Error::MapMalformed { what });
         }
-        Ok((Self { head, roads, poles, signs, lanes, marks }, reader.sizes))
+        Ok((Self { head, roads, poles, signs, lanes, marks, kerbs }, reader.sizes))
     }
 }
 

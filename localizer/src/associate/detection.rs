@@ -37,6 +37,9 @@ pub struct DetectionConfig {
     pub solid_lane: f64,
     /// As above for dashed lane lines.
     pub dashed_lane: f64,
+    /// As above for kerbs of roads without paint: along KITTI 00 they are found as
+    /// lines are, but not every network has learnt them.
+    pub kerb: f64,
     /// Share of the frames in which something stands before the camera that
     /// hides any number of landmarks at once: a bus, a row of parked vans.
     pub blocked: f64,
@@ -83,6 +86,7 @@ impl Default for DetectionConfig {
             traffic_light: 0.7,
             solid_lane: 0.7,
             dashed_lane: 0.7,
+            kerb: 0.4,
             blocked: 0.01,
             range_m: 50.0,
             low_range_m: 32.0,
@@ -136,6 +140,7 @@ impl DetectionConfig {
         match kind {
             LaneKind::Solid => self.solid_lane,
             LaneKind::Dashed => self.dashed_lane,
+            LaneKind::Kerb => self.kerb,
         }
         .clamp(0.01, 0.99)
     }

@@ -1,5 +1,6 @@
 //! Lane lines in the image, and what a lane feature says about them.
 
+use common::map::LaneKind;
 use nalgebra::{Point2, Point3, Vector2, Vector3};
 
 use super::{NoiseConfig, Pairing};
@@ -19,6 +20,8 @@ pub struct LaneVertex {
     pub point_map: Point3<f64>,
     /// It is no vertex of the line: there the line passes the near plane.
     pub is_cut: bool,
+    /// It is of a kerb.
+    pub is_kerb: bool,
     /// From here to the next vertex, pixels.
     along_px: Vector2<f64>,
     /// The square of its length.
@@ -41,7 +44,8 @@ pub fn project_lane(
         let mut push = |p: &Vector3<f64>, point_map: Point3<f64>, is_cut: bool| {
             if p.z >= NEAR_M {
                 let (at_px, along_px) = (view.pixel(p), Vector2::zeros());
-                out.push(LaneVertex { at_px, depth_m: p.z, point_map, is_cut, along_px, length2_px2: 0.0 });
+                let is_kerb = lane.kind == LaneKind::Kerb;
+                out.push(LaneVertex { at_px, depth_m: p.z, point_map, is_cut, is_kerb, along_px, length2_px2: 0.0 });
             }
         };
         let p = view.to_camera(&point_map);
@@ -169,8 +173,9 @@ fn observe(
         Across::Feature => knot.normal,
         Across::Line => Vector2::new(-a.along_px.y, a.along_px.x) / a.length2_px2.sqrt(),
     };
-    let lateral_px = normal.x * noise.lane_sigma_m * focal_px / depth_m;
-    let height_px = normal.y * noise.lane_height_sigma_m * focal_px / depth_m;
+    let (lateral_m, height_m) = noise.of_line(a.is_kerb);
+    let lateral_px = normal.x * lateral_m * focal_px / depth_m;
+    let height_px = normal.y * height_m * focal_px / depth_m;
     let variance = knot.sigma_px * knot.sigma_px
         + lateral_px * lateral_px
         + height_px * height_px

@@ -220,6 +220,10 @@ fn a_lane_feature_is_compared_where_the_map_has_the_line() {
     let information = |p: &Pairing| p.observations().iter().map(|o| o.sigma_px.powi(-2)).sum::<f64>();
     assert!(information(&pairing) < 2.0 / noise.calibration_sigma_px.powi(2));
     assert!(paired(&vertices(&lane(2.0, 6.0, 30.0))).is_none());
+    // Networks put a kerb less well than paint.
+    let mut kerb = lane(-1.7, 6.0, 30.0);
+    kerb.lanes[0].kind = LaneKind::Kerb;
+    assert!(information(&paired(&vertices(&kerb)).unwrap()) < 0.5 * information(&pairing));
     // From the ends inwards these are the same places, as sure, and never less so
     // than bound.
     for (right_m, from_m, to_m) in [(-1.7, 6.0, 30.0), (-1.7, 6.0, 11.0), (-1.5, 9.0, 20.0), (2.0, 6.0, 30.0)] {

@@ -111,6 +111,8 @@ pub struct Found {
     pub signs: f64,
     /// Lane lines of which enough is in view.
     pub lanes: f64,
+    /// The same of kerbs: not every network has learnt them.
+    pub kerbs: f64,
     /// Length in view that is enough, metres.
     pub lane_length_m: f64,
     /// Marks of a dashed line that is found, where some are in view: three
@@ -165,6 +167,7 @@ impl Default for Found {
             trunks: 0.1,
             signs: 0.6,
             lanes: 0.93,
+            kerbs: 0.4,
             lane_length_m: 18.0,
             marks: 0.75,
         }

@@ -189,7 +189,8 @@ pub fn of_lane(lane: &LaneLine, evidence: &LineEvidence, places: &Places, config
             let sigma_px = config.lane_sigma_px.hypot(config.calibration_sigma_px).hypot(lateral_px).hypot(vertical_px);
             rows.push(Row::new(index, lens.row(&p, &normal, sigma_px), 1.0));
         }
-        let found = config.found.lanes * (in_view_m / config.found.lane_length_m.max(1e-9)).min(1.0).powf(1.5);
+        let share = if lane.kind.is_painted() { config.found.lanes } else { config.found.kerbs };
+        let found = share * (in_view_m / config.found.lane_length_m.max(1e-9)).min(1.0).powf(1.5);
         let seen = (rows.len() - start) as f64;
         for row in &mut rows[start..] {
             *row = Row::new(index, row.whitened * (2.0 / seen).min(1.0).sqrt(), found);

@@ -40,6 +40,7 @@ pub fn lane_stroke(kind: LaneKind) -> &'static str {
     match kind {
         LaneKind::Solid => "fill=\"none\" stroke-width=\"1.2\"",
         LaneKind::Dashed => "fill=\"none\" stroke-width=\"1.2\" stroke-dasharray=\"6 5\"",
+        LaneKind::Kerb => "fill=\"none\" stroke-width=\"2\" stroke-opacity=\".4\"",
     }
 }
 

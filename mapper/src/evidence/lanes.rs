@@ -75,7 +75,8 @@ pub fn of_lane(paint: &LinePoints, lane: &LaneLine, config: &EvidenceConfig) -> 
         }
         station_m += length_m;
     }
-    if lateral.points() == 0 {
+    // A kerb is no paint.
+    if lateral.points() == 0 || !lane.kind.is_painted() {
         let sigma_m = config.unknown_sigma_m;
         return LineEvidence { lateral_sigma_m: sigma_m, vertical_sigma_m: sigma_m, points: 0, scans: 0 };
     }

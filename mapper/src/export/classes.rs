@@ -86,7 +86,7 @@ fn class(p: &CloudPoint, offset_m: f64, window: &Window, config: &Config) -> u8 
     }
     let is_ground = f64::from(p.height_m).abs() <= config.ground.thickness_m;
     let is_paint = is_ground && p.contrast.is_some_and(|c| c >= config.lanes.least_contrast);
-    if is_paint && window.lanes.iter().any(|l| is_on_lane(at, l, config.lanes.half_line_m)) {
+    if is_paint && window.lanes.iter().any(|l| l.kind.is_painted() && is_on_lane(at, l, config.lanes.half_line_m)) {
         return LANE_PAINT;
     }
     if is_ground {

@@ -46,7 +46,7 @@ impl LandmarkIndex {
             let radius_m = 0.5 * sign.size_m + SIGN_MARGIN_M;
             index.signs.add(numbers.sign(i), [sign.centroid_map; 2], radius_m);
         }
-        for (i, lane) in map.lanes.iter().enumerate() {
+        for (i, lane) in map.lanes.iter().enumerate().filter(|(_, lane)| lane.kind.is_painted()) {
             for ends in lane.points_map.windows(2) {
                 index.lanes.add(numbers.lane(i), [ends[0], ends[1]], half_line_m);
             }

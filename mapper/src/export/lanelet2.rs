@@ -128,7 +128,7 @@ fn ways(map: &SemanticMap) -> Vec<Way> {
     let lanes = map.lanes.iter().enumerate().map(|(i, lane)| Way {
         id: numbers.lane(i),
         points_map: lane.points_map.clone(),
-        tags: vec![("type", "line_thin".into()), ("subtype", lane_subtype(lane.kind).into())],
+        tags: lane_tags(lane.kind).map(|(key, value)| (key, value.into())).to_vec(),
     });
     poles.chain(signs).chain(lanes).collect()
 }
@@ -149,11 +149,14 @@ fn sign_type(kind: SignKind) -> &'static str {
     }
 }
 
-fn lane_subtype(kind: LaneKind) -> &'static str {
-    match kind {
-        LaneKind::Solid => "solid",
-        LaneKind::Dashed => "dashed",
-    }
+/// A vehicle may have to go over a kerb, so it is a low one.
+fn lane_tags(kind: LaneKind) -> [(&'static str, &'static str); 2] {
+    let (line, subtype) = match kind {
+        LaneKind::Solid => ("line_thin", "solid"),
+        LaneKind::Dashed => ("line_thin", "dashed"),
+        LaneKind::Kerb => ("curbstone", "low"),
+    };
+    [("type", line), ("subtype", subtype)]
 }
 
 /// The left and the right edge of a sign as seen by who drives towards it.

@@ -99,6 +99,10 @@ fn lanelet2_has_a_way_per_landmark_and_no_dangling_node() {
     assert_eq!(tags(1, ["type", "height"]), ["pole", "6.200"]);
     assert_eq!(tags(2, ["type", "size"]), ["traffic_light", "0.800"]);
     assert_eq!(tags(3, ["type", "subtype"]), ["line_thin", "dashed"]);
+    let mut kerb = map();
+    kerb.lanes[0].kind = LaneKind::Kerb;
+    let text = Format::Lanelet2.text(&kerb, &Frame::local()).unwrap();
+    assert!(text.contains("v=\"curbstone\"") && text.contains("v=\"low\""), "{text}");
     let of = |way: i64, point: usize| &osm.nodes[&osm.ways[&way].0[point]];
     assert_eq!((of(1, 0)["local_x"].as_str(), of(1, 0)["local_y"].as_str()), ("-4.500", "30.000"));
     assert_eq!(of(1, 1)["ele"], "4.600");

@@ -112,6 +112,7 @@ struct Node {
 
 struct Line {
     road: RoadId,
+    is_painted: bool,
     nodes: VecDeque<usize>,
     sightings: Vec<usize>,
     votes: Vec<(LaneKind, f64)>,
@@ -160,7 +161,7 @@ impl<'a> Fusion<'a> {
     fn add(&mut self, strand: &Strand) {
         let step_m = self.config.lane_step_m.max(0.05);
         let probes = probes(&strand.points_map, step_m);
-        let matched = self.matches(&probes, strand.pass);
+        let matched = self.matches(&probes, strand);
         // One line after the other, the one it runs along best first: so it
         // does not jump to and fro between the two lines of a double one.
         let mut scores: Vec<(usize, f64)> = Vec::new();
@@ -196,8 +197,8 @@ impl<'a> Fusion<'a> {
         self.add_rest(strand, &probes, &claimed, weight);
     }
 
-    /// For every probe the nodes that it may be another sighting of.
-    fn matches(&self, probes: &[Probe], pass: u32) -> Vec<Vec<Match>> {
+    /// For every probe the nodes that it may be another sighting of: paint is no kerb.
+    fn matches(&self, probes: &[Probe], strand: &Strand) -> Vec<Vec<Match>> {
         let config = self.config;
         // A node is spoken for by the probes up to half a step before and
         // behind it; a little more, so that none is left between them.
@@ -214,7 +215,8 @@ impl<'a> Fusion<'a> {
                     && lateral_m <= config.lane_within_m
                     && off.y.abs() <= config.lane_height_m
                     && along.dot(&probe.along).abs() >= least_cosine
-                    && !passes.contains(&pass)
+                    && !passes.contains(&strand.pass)
+                    && self.lines[*line].is_painted == strand.kind.is_painted()
                 {
                     matches.push(Match { node, line: *line, score: config.lane_within_m - lateral_m });
                 }
@@ -264,7 +266,8 @@ impl<'a> Fusion<'a> {
                 let nodes = VecDeque::new();
                 let only = is_whole.then(|| strand.points_map.clone());
                 let (road, sightings) = (strand.road, strand.sightings.clone());
-                self.lines.push(Line { nodes, road, sightings, votes: Vec::new(), only });
+                let is_painted = kind.is_painted();
+                self.lines.push(Line { nodes, road, is_painted, sightings, votes: Vec::new(), only });
                 (self.lines.len() - 1, true)
             });
             // From the known end outwards.

@@ -56,6 +56,7 @@ fn print(score: &MapScore, arguments: &Arguments) {
     row("signs", &score.signs, "centroids");
     row("lights", &score.lights, "centroids");
     row("lanes", &score.lanes, "across; true: metres");
+    row("kerbs", &score.kerbs, "of roads without paint, likewise");
     row("marks", &score.marks, "the worse end of each, of dashed lines");
     common::say!(
         "poles: feet {:.3} m RMS in height, tilt {:.2} degrees RMS",
@@ -83,10 +84,10 @@ fn print(score: &MapScore, arguments: &Arguments) {
             for part in stretches {
                 let (p, q) = (&part.from_map_m, &part.to_map_m);
                 common::say!(
-                    "{what} x {:8.2}  z {:8.2}  {} line, {:.2} m to x {:.2}, z {:.2}",
+                    "{what} x {:8.2}  z {:8.2}  {}, {:.2} m to x {:.2}, z {:.2}",
                     p.x,
                     p.z,
-                    part.kind,
+                    part.name(),
                     part.length_m,
                     q.x,
                     q.z

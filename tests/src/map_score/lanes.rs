@@ -61,6 +61,13 @@ pub struct Stretch {
     pub kind: String,
 }
 
+impl Stretch {
+    /// What it is, for people.
+    pub fn name(&self) -> String {
+        if self.kind == KERB { self.kind.clone() } else { format!("{} line", self.kind) }
+    }
+}
+
 /// Lane lines of one, map or truth, along those of the other.
 #[derive(Default)]
 struct Along {
@@ -110,29 +117,51 @@ impl Along {
     }
 }
 
-/// Lane lines found, the share of their length with the right kind, and the
-/// parts that are missing and wrong.
-pub(super) fn lanes(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool, score: &mut MapScore) {
+/// The lines of a map and of the truth that are painted, or kerbs.
+fn lines(map: &SemanticMap, truth: &Truth, are_painted: bool) -> (Vec<Line>, Vec<Line>) {
     let kind = |lane: &LaneLine| match lane.kind {
         LaneKind::Solid => "solid",
         LaneKind::Dashed => "dashed",
+        LaneKind::Kerb => KERB,
     };
-    let claimed: Vec<Line> = map.lanes.iter().map(|lane| (kind(lane).to_owned(), lane.points_map.clone())).collect();
-    let wanted: Vec<Line> = truth
-        .lanes
-        .iter()
-        .map(|lane| (lane.kind.clone(), lane.points_map_m.iter().map(|p| Point3::from(*p)).collect()))
-        .collect();
-    let (true_ones, found) = (Along::of(&wanted, &claimed, counts), Along::of(&claimed, &wanted, counts));
-    score.lanes = Found {
+    let wanted = truth.lanes.iter().filter(|lane| (lane.kind != KERB) == are_painted);
+    let claimed = map.lanes.iter().filter(|lane| lane.kind.is_painted() == are_painted);
+    (
+        wanted.map(|lane| (lane.kind.clone(), lane.points_map_m.iter().map(|p| Point3::from(*p)).collect())).collect(),
+        claimed.map(|lane| (kind(lane).to_owned(), lane.points_map.clone())).collect(),
+    )
+}
+
+/// What the truth calls a kerb.
+const KERB: &str = "kerb";
+
+fn found(true_ones: &Along, found: &Along) -> Found {
+    Found {
         wanted: true_ones.length_m,
         hits: true_ones.near_m,
         claimed: found.length_m,
         right: found.near_m,
         off_m: rms(&true_ones.squares),
-    };
+    }
+}
+
+/// Lane lines found, the share of their length with the right kind, and the
+/// parts that are missing and wrong.
+pub(super) fn lanes(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool, score: &mut MapScore) {
+    let (wanted, claimed) = lines(map, truth, true);
+    let (true_ones, claimed) = (Along::of(&wanted, &claimed, counts), Along::of(&claimed, &wanted, counts));
+    score.lanes = found(&true_ones, &claimed);
     score.lane_kinds = share(true_ones.same_kind_m, true_ones.near_m);
-    (score.missed_lanes, score.wrong_lanes) = (true_ones.alone, found.alone);
+    (score.missed_lanes, score.wrong_lanes) = (true_ones.alone, claimed.alone);
+}
+
+/// Kerbs found, likewise.
+pub(super) fn kerbs(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool, score: &mut MapScore) {
+    let (wanted, claimed) = lines(map, truth, false);
+    let (true_ones, claimed) = (Along::of(&wanted, &claimed, counts), Along::of(&claimed, &wanted, counts));
+    score.kerbs = found(&true_ones, &claimed);
+    score.missed_lanes.extend(true_ones.alone);
+    score.wrong_lanes.extend(claimed.alone);
 }
 
 /// Points along a polyline.

@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::matching::one_to_one;
 pub use lanes::Stretch;
-use lanes::{lanes, marks};
+use lanes::{kerbs, lanes, marks};
 
 /// Poles of map and truth are the same within this, metres: half the spacing of
 /// the densest bollards.
@@ -67,6 +67,8 @@ pub struct MapScore {
     pub lights: Found,
     /// Lane lines by length in metres; `off_m` is across them.
     pub lanes: Found,
+    /// Kerbs of roads without paint, likewise.
+    pub kerbs: Found,
     /// Marks of dashed lines; `off_m` is that of their ends.
     pub marks: Found,
     /// Share of the found length that the map has as solid or dashed, as it is.
@@ -79,9 +81,9 @@ pub struct MapScore {
     pub missed_signs: Vec<TrueSign>,
     /// Signs and lights of the map that are none.
     pub wrong_signs: Vec<Sign>,
-    /// Parts of true lane lines that are missing.
+    /// Parts of true lane lines and kerbs that are missing.
     pub missed_lanes: Vec<Stretch>,
-    /// Parts of the map's lane lines that are none.
+    /// Parts of the map's that are none.
     pub wrong_lanes: Vec<Stretch>,
 }
 
@@ -95,6 +97,7 @@ pub fn score(map: &SemanticMap, truth: &Truth, exact: &[Pose], within_m: f64) ->
     score.signs = signs(map, truth, SignKind::TrafficSign, &counts, &mut score);
     score.lights = signs(map, truth, SignKind::TrafficLight, &counts, &mut score);
     lanes(map, truth, &counts, &mut score);
+    kerbs(map, truth, &counts, &mut score);
     score.marks = marks(map, truth, &counts);
     score
 }

@@ -60,6 +60,19 @@ fn a_dashed_line_that_the_map_has_as_solid_is_found_and_of_the_wrong_kind() {
 }
 
 #[test]
+fn a_kerb_is_no_lane_line_and_counts_as_a_kerb() {
+    let path: Vec<Pose> = (0..20).map(|z| Pose::translation(0.0, 0.0, f64::from(z))).collect();
+    let (mut map, mut truth) = (map(), truth());
+    map.lanes[0].kind = LaneKind::Kerb;
+    let missed = score(&map, &truth, &path, 20.0);
+    assert!(missed.lanes.hits < 1e-9 && missed.lanes.claimed < 1e-9 && missed.kerbs.precision() < 1e-9);
+    truth.lanes[0].kind = "kerb".into();
+    let found = score(&map, &truth, &path, 20.0);
+    assert!((found.kerbs.recall() - 0.5).abs() < 0.02 && found.lanes.wanted < 1e-9, "{:?}", found.kerbs);
+    assert!(found.missed_lanes.iter().all(|part| part.name() == "kerb"));
+}
+
+#[test]
 fn a_trunk_counts_as_what_the_map_calls_it() {
     let path: Vec<Pose> = (0..20).map(|z| Pose::translation(0.0, 0.0, f64::from(z))).collect();
     let mut map = map();

@@ -178,7 +178,7 @@ fn a_truncated_map() {
 fn a_map_of_a_future_version() {
     let (maps, mut bytes) = Maps::new();
     bytes[3] = 9;
-    maps.refused(&bytes, "format version 9, and this program reads versions up to 4");
+    maps.refused(&bytes, "format version 9, and this program reads versions up to 5");
 }
 
 #[test]

@@ -26,7 +26,7 @@ fn landmarks() -> impl Strategy<Value = SemanticMap> {
         road,
     });
     let steps = prop::collection::vec((0.3..9.0_f64, 0.3..9.0_f64), 0..5);
-    let lane = (0..2_usize, path(2), road(), steps).prop_map(|(kind, points_map, road, steps)| {
+    let lane = (0..3_usize, path(2), road(), steps).prop_map(|(kind, points_map, road, steps)| {
         let kind = LaneKind::ALL[kind];
         let mut end_m = 0.0;
         let marks = steps.into_iter().map(|(gap_m, mark_m)| {
@@ -115,7 +115,7 @@ proptest! {
     }
 
     #[test]
-    fn what_is_accepted_is_what_would_be_written(version in 1..=4_u8, body in prop::collection::vec(any::<u8>(), 0..80)) {
+    fn what_is_accepted_is_what_would_be_written(version in 1..=5_u8, body in prop::collection::vec(any::<u8>(), 0..80)) {
         let bytes = envelope::seal(form(version), &body).unwrap();
         if let Ok(map) = SemanticMap::decode(&bytes) {
             let quantum_m = layout(&bytes).unwrap().quantum_m;

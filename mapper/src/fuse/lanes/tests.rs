@@ -103,6 +103,14 @@ fn the_kind_is_that_of_most_of_the_length() {
 }
 
 #[test]
+fn a_kerb_beside_a_line_is_no_other_sighting_of_it() {
+    let mut kerb = line(1.6, 0.0, 50.0, 1);
+    kerb.landmark.kind = LaneKind::Kerb;
+    let fused = fuse_lanes(&[line(1.5, 0.0, 50.0, 0), kerb], &FuseConfig::default());
+    assert_eq!(fused.iter().map(|line| line.kind).collect::<Vec<_>>(), [LaneKind::Solid, LaneKind::Kerb]);
+}
+
+#[test]
 fn the_order_of_sightings_and_the_names_of_passes_do_not_matter() {
     let noise = |i: u32| f64::from(i * 7919 % 101) / 101.0 - 0.5;
     let mut sightings: Vec<Sighting<LaneLine>> = (0..24)

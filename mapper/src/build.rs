@@ -9,7 +9,7 @@ use crate::config::Config;
 use crate::drive::Drive;
 use crate::error::{Error, Result};
 use crate::evidence::EvidenceBook;
-use crate::lanes::{LanePiece, Paint, find_side_lines, lines_along};
+use crate::lanes::{LanePiece, Paint, find_side_lines, kerbs_along, lines_along};
 use crate::passes::Passes;
 use crate::path::Way;
 use crate::poles::{FittedPole, find_poles};
@@ -215,7 +215,8 @@ fn extract(cloud: &Cloud, owned: &std::ops::Range<f64>, map: &SemanticMap, confi
         },
         || {
             let lanes = find_lanes(cloud, config);
-            let side_lanes = find_side_lines(cloud, &lanes, &config.lanes);
+            let painted: Vec<LanePiece> = lanes.iter().filter(|lane| lane.kind.is_painted()).cloned().collect();
+            let side_lanes = find_side_lines(cloud, &painted, &config.lanes);
             (lanes, side_lanes)
         },
     );
@@ -244,9 +245,12 @@ fn extract(cloud: &Cloud, owned: &std::ops::Range<f64>, map: &SemanticMap, confi
     }
 }
 
-/// The lane lines along the path of a stitched cloud.
+/// The lane lines along the path of a stitched cloud; kerbs where nothing is painted.
 pub fn find_lanes(cloud: &Cloud, config: &Config) -> Vec<LanePiece> {
-    lines_along(&cloud.path, &Paint::of(cloud, &config.lanes), cloud, &config.lanes)
+    let paint = Paint::of(cloud, &config.lanes);
+    let mut lanes = lines_along(&cloud.path, &paint, cloud, &config.lanes);
+    lanes.extend(kerbs_along(&cloud.path, &paint, &lanes, &config.lanes));
+    lanes
 }
 
 /// How far a mark may lie off its own line, metres: it is on it but for

@@ -22,11 +22,17 @@ pub const CAMERA_HEIGHT_M: f64 = 1.65;
 impl Street {
     /// A road of 60 m, 16 m wide, seen from ten places.
     pub fn new() -> Self {
+        Self::shaped(0.2, |_| 0.0)
+    }
+
+    /// The same with points so far apart across it, metres, each so much higher as its x says.
+    pub fn shaped(apart_m: f64, up_m: impl Fn(f64) -> f64) -> Self {
         let sensors = (0..10).map(|i| Point3::new(0.0, 0.0, f64::from(i) * 6.0)).collect();
         let mut street = Self { points: Vec::new(), sensors, noise: Pcg64Mcg::seed_from_u64(7) };
-        for x in -80..=80 {
+        let half = (16.0 / apart_m).round() as i32;
+        for x in (-half..=half).map(|x| f64::from(x) * apart_m) {
             for z in -100..=800 {
-                let p = Point3::new(f64::from(x) * 0.2, CAMERA_HEIGHT_M, f64::from(z) * 0.1);
+                let p = Point3::new(x, CAMERA_HEIGHT_M - up_m(x), f64::from(z) * 0.1);
                 street.add(p, (z / 60).clamp(0, 9) as u16, 0.25, Some(0.0));
             }
         }

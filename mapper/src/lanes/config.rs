@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::{ContrastConfig, FordConfig, MarkConfig, RhythmConfig, SideConfig, SpacingConfig};
+use super::{ContrastConfig, FordConfig, KerbConfig, MarkConfig, RhythmConfig, SideConfig, SpacingConfig};
 
 /// How lane lines are found and described.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -185,6 +185,8 @@ pub struct LaneConfig {
     pub fords: FordConfig,
     /// Lines of side streets.
     pub side: SideConfig,
+    /// Kerbs of roads without paint.
+    pub kerbs: KerbConfig,
 }
 
 impl Default for LaneConfig {
@@ -255,6 +257,7 @@ impl Default for LaneConfig {
             rhythm: RhythmConfig::default(),
             fords: FordConfig::default(),
             side: SideConfig::default(),
+            kerbs: KerbConfig::default(),
         }
     }
 }

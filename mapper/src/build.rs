@@ -249,7 +249,7 @@ fn extract(cloud: &Cloud, owned: &std::ops::Range<f64>, map: &SemanticMap, confi
 pub fn find_lanes(cloud: &Cloud, config: &Config) -> Vec<LanePiece> {
     let paint = Paint::of(cloud, &config.lanes);
     let mut lanes = lines_along(&cloud.path, &paint, cloud, &config.lanes);
-    lanes.extend(kerbs_along(&cloud.path, &paint, &lanes, &config.lanes));
+    lanes.extend(kerbs_along(&cloud.path, &paint, &lanes, &config.lanes.kerbs));
     lanes
 }
 

@@ -8,7 +8,7 @@ use nalgebra::Point3;
 use rayon::prelude::*;
 
 use super::profile::local_line;
-use super::{LaneConfig, LanePiece, Paint, fitted, simplify};
+use super::{LanePiece, Paint, fitted, simplify};
 use crate::path::Path;
 
 mod config;
@@ -29,26 +29,25 @@ struct Step {
 }
 
 /// The kerbs along a path, none beside the lines that are painted there.
-pub fn kerbs_along(path: &Path, paint: &Paint, painted: &[LanePiece], config: &LaneConfig) -> Vec<LanePiece> {
-    let kerbs = &config.kerbs;
-    let bins = ((path.end_station_m() - path.start_station_m()) / kerbs.bin_m).floor().max(0.0) as usize;
+pub fn kerbs_along(path: &Path, paint: &Paint, painted: &[LanePiece], config: &KerbConfig) -> Vec<LanePiece> {
+    let bins = ((path.end_station_m() - path.start_station_m()) / config.bin_m).floor().max(0.0) as usize;
     let steps: Vec<[Vec<Step>; 2]> = (0..bins)
         .into_par_iter()
         .map(|bin| {
-            let middle_m = path.start_station_m() + (bin as f64 + 0.5) * kerbs.bin_m;
-            let stations_m = middle_m - 0.5 * kerbs.window_m..middle_m + 0.5 * kerbs.window_m;
+            let middle_m = path.start_station_m() + (bin as f64 + 0.5) * config.bin_m;
+            let stations_m = middle_m - 0.5 * config.window_m..middle_m + 0.5 * config.window_m;
             [-1.0, 1.0].map(|side| {
                 let mut steps = steps_in(bin, stations_m.clone(), side, paint, config);
-                steps.retain(|step| !is_near_paint(step, path, painted, kerbs));
+                steps.retain(|step| !is_near_paint(step, path, painted, config));
                 steps
             })
         })
         .collect();
     (0..2)
-        .flat_map(|side| tracks(steps.iter().map(|sides| sides[side].as_slice()), kerbs))
+        .flat_map(|side| tracks(steps.iter().map(|sides| sides[side].as_slice()), config))
         .collect::<Vec<_>>()
         .iter()
-        .filter_map(|track| piece(track, path, kerbs))
+        .filter_map(|track| piece(track, path, config))
         .collect()
 }
 
@@ -68,18 +67,17 @@ fn is_near_paint(step: &Step, path: &Path, painted: &[LanePiece], config: &KerbC
 }
 
 /// The places on one side of the path, from it outwards, where the road ends in a step.
-fn steps_in(bin: usize, stations_m: Range<f64>, side: f64, paint: &Paint, config: &LaneConfig) -> Vec<Step> {
-    let kerbs = &config.kerbs;
-    let heights = heights(&stations_m, side, paint, kerbs);
-    let cells = |metres: f64| (metres / kerbs.cell_m).round() as usize;
-    let (inner, outer, beyond) = (cells(kerbs.inner_m), cells(kerbs.outer_m), cells(kerbs.beyond_m));
-    // Rise over the road as it goes on outwards from the inner side of a cell, and the road's height.
+fn steps_in(bin: usize, stations_m: Range<f64>, side: f64, paint: &Paint, config: &KerbConfig) -> Vec<Step> {
+    let heights = heights(&stations_m, side, paint, config);
+    let cells = |metres: f64| (metres / config.cell_m).round() as usize;
+    let (inner, outer, beyond) = (cells(config.inner_m), cells(config.outer_m), cells(config.beyond_m));
+    // Rise over the road as it goes on outwards from the inner side of a cell, and the road there.
     let rise = |cell: usize| {
         let road = line_through(heights.get(cell.checked_sub(inner)?..cell)?)?;
-        if road.off > kerbs.largest_roughness_m {
+        if road.off > config.largest_roughness_m {
             return None;
         }
-        // The cell itself may be on the face of the step.
+        // The cell itself may lie on the face of the step.
         let over: Vec<f64> = (cell + 1..=cell + outer)
             .filter_map(|k| Some(heights.get(k).copied()?? - road.at((k + inner - cell) as f64)))
             .collect();
@@ -91,7 +89,7 @@ fn steps_in(bin: usize, stations_m: Range<f64>, side: f64, paint: &Paint, config
     let rise_of = |cell: usize| rises.get(cell).and_then(Option::as_ref).map_or(0.0, |(rise_m, _)| *rise_m);
     let is_step = |cell: &usize| {
         let rise_m = rise_of(*cell);
-        (kerbs.rise_m[0]..kerbs.rise_m[1]).contains(&rise_m)
+        (config.rise_m[0]..config.rise_m[1]).contains(&rise_m)
             && cell.checked_sub(1).is_none_or(|before| rise_m > rise_of(before))
             && rise_m >= rise_of(cell + 1)
     };
@@ -100,7 +98,7 @@ fn steps_in(bin: usize, stations_m: Range<f64>, side: f64, paint: &Paint, config
         Some(Step {
             bin,
             station_m: f64::midpoint(stations_m.start, stations_m.end),
-            offset_m: side * (kerbs.nearest_m + (cell as f64 + 0.5) * kerbs.cell_m),
+            offset_m: side * (config.nearest_m + (cell as f64 + 0.5) * config.cell_m),
             height_m: road.at(inner as f64),
         })
     };
@@ -221,7 +219,7 @@ fn expected_m(track: &[Step], station_m: f64) -> Option<f64> {
 /// So many of its last steps tell how a track goes on.
 const TREND: usize = 6;
 
-/// Whether a track is long, hardly interrupted, and smooth.
+/// Whether a track is long and hardly interrupted.
 fn is_kerb(track: &[Step], config: &KerbConfig) -> bool {
     let Some((first, last)) = track.first().zip(track.last()) else { return false };
     let bins = last.bin - first.bin + 1;

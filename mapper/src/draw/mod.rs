@@ -28,11 +28,11 @@ const CAR_M: f64 = 1.8;
 /// background, for a page's theme and a viewer's may differ.
 const STYLE: &str = "\
 .card{fill:#fff;stroke:#d1d9e0}.text{fill:#1f2328}.soft{fill:#59636e}.line{stroke:#59636e}\
-.road{stroke:#818b98}.solid-line,.dashed-line{stroke:#1f2328}.lamp-post{fill:#bf8700}.sign-post{fill:#0969da}\
+.road{stroke:#818b98}.solid-line,.dashed-line,.kerb{stroke:#1f2328}.lamp-post{fill:#bf8700}.sign-post{fill:#0969da}\
 .delineator{fill:#8250df}.trunk{fill:#1a7f37}.traffic-sign{fill:#cf222e}.traffic-light{fill:#bc4c00}\
 @media(prefers-color-scheme:dark){\
 .card{fill:#0d1117;stroke:#3d444d}.text{fill:#f0f6fc}.soft{fill:#9198a1}.line{stroke:#9198a1}\
-.road{stroke:#9198a1}.solid-line,.dashed-line{stroke:#f0f6fc}.lamp-post{fill:#e3b341}.sign-post{fill:#4493f8}\
+.road{stroke:#9198a1}.solid-line,.dashed-line,.kerb{stroke:#f0f6fc}.lamp-post{fill:#e3b341}.sign-post{fill:#4493f8}\
 .delineator{fill:#ab7df8}.trunk{fill:#3fb950}.traffic-sign{fill:#f85149}.traffic-light{fill:#f0883e}}";
 
 /// Draws a map from above, the drive running from left to right, with a
@@ -216,6 +216,19 @@ mod tests {
         assert_eq!(picture.matches(MARK_STROKE).count(), 2);
         assert!(picture.contains("2 marks<"));
         assert!(picture.contains("&lt;made&gt; &amp; &quot;up&quot;") && !picture.contains("<made>"));
+    }
+
+    #[test]
+    fn every_kind_has_a_colour_on_light_pages_and_on_dark_ones() {
+        let kinds = PoleKind::ALL.iter().map(|kind| kind.name());
+        let kinds = kinds.chain(SignKind::ALL.iter().map(|kind| kind.name()));
+        for name in kinds.chain(LaneKind::ALL.iter().map(|kind| kind.name())) {
+            assert_eq!(STYLE.matches(&format!(".{name}")).count(), 2, "{name}");
+        }
+        let mut map = street();
+        map.lanes[0] = LaneLine { kind: LaneKind::Kerb, marks_m: Vec::new(), ..map.lanes[0].clone() };
+        let picture = picture(&map);
+        assert!(picture.contains("1 kerb<") && picture.contains("stroke-opacity=\".4\"><path"), "{picture}");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Lane lines: paint that is bright for its beam and range, straight
 //! lines in windows along the path, joined into chains, cut where what is
-//! painted changes, and described as polylines.
+//! painted changes, and described as polylines. Kerbs where nothing is painted.
 
 mod chains;
 mod config;

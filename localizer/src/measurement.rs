@@ -33,7 +33,7 @@ pub struct NoiseConfig {
     /// Kerb across its direction, metres: along KITTI 00 masks lie 0.02 m to the inner and
     /// up to 0.1 m to the outer side of where a step begins, and stray by 0.02.
     pub kerb_sigma_m: f64,
-    /// Kerb in height, metres: how far it rises over that.
+    /// Foot of a kerb in height, metres: networks may put their line on the face over it.
     pub kerb_height_sigma_m: f64,
     /// Lane line and road in height, metres: the same.
     pub lane_height_sigma_m: f64,

@@ -51,7 +51,7 @@ fn body(map: &SemanticMap, grid: Grid, leans: Leans) -> Result<Body> {
     let signs = by_kind_and_road(SignKind::ALL, &signs, &frames, |sign: &GridSign| sign.0)?;
     let [solid, dashed, kerbs] = by_kind_and_road(LaneKind::ALL, &lanes, &frames, |lane: &GridLane| lane.0[0])?;
     let kerbs = (!kerbs.is_empty()).then_some(kerbs);
-    // Kerbs stand behind the marks, if there are some or none.
+    // Where there are kerbs the section of marks is there, too, be it empty.
     let marks = marks(&dashed).or_else(|| kerbs.as_ref().map(|_| List(Vec::new())));
     let lines = |groups: Vec<Vec<GridLane>>| {
         steps(groups, &frames, |before, (line, _): &GridLane| (polyline(before, line), line[0]))

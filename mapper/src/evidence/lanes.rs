@@ -47,8 +47,13 @@ impl LinePoints {
 
 /// How well a lane line is known, from the paint of its cloud, across and in
 /// height: how well the line follows the paint of each piece, and how well the
-/// scans that painted it agree there.
+/// scans that painted it agree there. Of kerbs the paint says nothing.
 pub fn of_lane(paint: &LinePoints, lane: &LaneLine, config: &EvidenceConfig) -> LineEvidence {
+    let sigma_m = config.unknown_sigma_m;
+    let unknown = LineEvidence { lateral_sigma_m: sigma_m, vertical_sigma_m: sigma_m, points: 0, scans: 0 };
+    if !lane.kind.is_painted() {
+        return unknown;
+    }
     let (mut lateral, mut vertical) = (Scatter::<1>::default(), Scatter::<1>::default());
     let mut station_m = 0.0;
     for ends in lane.points_map.windows(2) {
@@ -75,10 +80,8 @@ pub fn of_lane(paint: &LinePoints, lane: &LaneLine, config: &EvidenceConfig) -> 
         }
         station_m += length_m;
     }
-    // A kerb is no paint.
-    if lateral.points() == 0 || !lane.kind.is_painted() {
-        let sigma_m = config.unknown_sigma_m;
-        return LineEvidence { lateral_sigma_m: sigma_m, vertical_sigma_m: sigma_m, points: 0, scans: 0 };
+    if lateral.points() == 0 {
+        return unknown;
     }
     let sigma_m = |scatter: &Scatter<1>| (place_m2(scatter, config) + config.floor_m.powi(2)).sqrt();
     LineEvidence {

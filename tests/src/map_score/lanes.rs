@@ -2,7 +2,7 @@
 
 use common::geometry::distance_from_above_m;
 use common::map::{LaneKind, LaneLine, RoadId, SemanticMap};
-use fixtures::truth::{TrueLane, Truth};
+use fixtures::truth::{TrueLane, Truth, lane_name};
 use nalgebra::Point3;
 
 use super::{Found, MapScore, rms, share};
@@ -64,7 +64,7 @@ pub struct Stretch {
 impl Stretch {
     /// What it is, for people.
     pub fn name(&self) -> String {
-        if self.kind == KERB { self.kind.clone() } else { format!("{} line", self.kind) }
+        if self.kind == lane_name(LaneKind::Kerb) { self.kind.clone() } else { format!("{} line", self.kind) }
     }
 }
 
@@ -117,51 +117,40 @@ impl Along {
     }
 }
 
-/// The lines of a map and of the truth that are painted, or kerbs.
-fn lines(map: &SemanticMap, truth: &Truth, are_painted: bool) -> (Vec<Line>, Vec<Line>) {
-    let kind = |lane: &LaneLine| match lane.kind {
-        LaneKind::Solid => "solid",
-        LaneKind::Dashed => "dashed",
-        LaneKind::Kerb => KERB,
-    };
-    let wanted = truth.lanes.iter().filter(|lane| (lane.kind != KERB) == are_painted);
+/// The painted lines of the truth along those of a map, and those of the map along
+/// those of the truth; or their kerbs.
+fn compared(
+    map: &SemanticMap,
+    truth: &Truth,
+    are_painted: bool,
+    counts: &dyn Fn(&Point3<f64>) -> bool,
+) -> (Found, Along, Along) {
+    let is_kerb = |lane: &&TrueLane| lane.kind == lane_name(LaneKind::Kerb);
+    let wanted = truth.lanes.iter().filter(|lane| is_kerb(lane) != are_painted);
+    let wanted: Vec<Line> =
+        wanted.map(|lane| (lane.kind.clone(), lane.points_map_m.iter().map(|p| Point3::from(*p)).collect())).collect();
     let claimed = map.lanes.iter().filter(|lane| lane.kind.is_painted() == are_painted);
-    (
-        wanted.map(|lane| (lane.kind.clone(), lane.points_map_m.iter().map(|p| Point3::from(*p)).collect())).collect(),
-        claimed.map(|lane| (kind(lane).to_owned(), lane.points_map.clone())).collect(),
-    )
-}
-
-/// What the truth calls a kerb.
-const KERB: &str = "kerb";
-
-fn found(true_ones: &Along, found: &Along) -> Found {
-    Found {
+    let claimed: Vec<Line> = claimed.map(|lane| (lane_name(lane.kind).to_owned(), lane.points_map.clone())).collect();
+    let (true_ones, claimed) = (Along::of(&wanted, &claimed, counts), Along::of(&claimed, &wanted, counts));
+    let found = Found {
         wanted: true_ones.length_m,
         hits: true_ones.near_m,
-        claimed: found.length_m,
-        right: found.near_m,
+        claimed: claimed.length_m,
+        right: claimed.near_m,
         off_m: rms(&true_ones.squares),
-    }
+    };
+    (found, true_ones, claimed)
 }
 
-/// Lane lines found, the share of their length with the right kind, and the
-/// parts that are missing and wrong.
+/// Lane lines and kerbs found, the share of the lines' length with the right kind, and
+/// the parts that are missing and wrong.
 pub(super) fn lanes(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool, score: &mut MapScore) {
-    let (wanted, claimed) = lines(map, truth, true);
-    let (true_ones, claimed) = (Along::of(&wanted, &claimed, counts), Along::of(&claimed, &wanted, counts));
-    score.lanes = found(&true_ones, &claimed);
-    score.lane_kinds = share(true_ones.same_kind_m, true_ones.near_m);
-    (score.missed_lanes, score.wrong_lanes) = (true_ones.alone, claimed.alone);
-}
-
-/// Kerbs found, likewise.
-pub(super) fn kerbs(map: &SemanticMap, truth: &Truth, counts: &dyn Fn(&Point3<f64>) -> bool, score: &mut MapScore) {
-    let (wanted, claimed) = lines(map, truth, false);
-    let (true_ones, claimed) = (Along::of(&wanted, &claimed, counts), Along::of(&claimed, &wanted, counts));
-    score.kerbs = found(&true_ones, &claimed);
-    score.missed_lanes.extend(true_ones.alone);
-    score.wrong_lanes.extend(claimed.alone);
+    let (lanes, true_lanes, claimed_lanes) = compared(map, truth, true, counts);
+    let (kerbs, true_kerbs, claimed_kerbs) = compared(map, truth, false, counts);
+    (score.lanes, score.kerbs) = (lanes, kerbs);
+    score.lane_kinds = share(true_lanes.same_kind_m, true_lanes.near_m);
+    score.missed_lanes = [true_lanes.alone, true_kerbs.alone].concat();
+    score.wrong_lanes = [claimed_lanes.alone, claimed_kerbs.alone].concat();
 }
 
 /// Points along a polyline.

@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::matching::one_to_one;
 pub use lanes::Stretch;
-use lanes::{kerbs, lanes, marks};
+use lanes::{lanes, marks};
 
 /// Poles of map and truth are the same within this, metres: half the spacing of
 /// the densest bollards.
@@ -97,7 +97,6 @@ pub fn score(map: &SemanticMap, truth: &Truth, exact: &[Pose], within_m: f64) ->
     score.signs = signs(map, truth, SignKind::TrafficSign, &counts, &mut score);
     score.lights = signs(map, truth, SignKind::TrafficLight, &counts, &mut score);
     lanes(map, truth, &counts, &mut score);
-    kerbs(map, truth, &counts, &mut score);
     score.marks = marks(map, truth, &counts);
     score
 }

@@ -35,12 +35,20 @@ pub struct OdometryConfig {
     /// standard deviations: temperature.
     pub drift_per_minute: f64,
     /// Fastest change of speed that is believed, m/s^2: an emergency stop on dry asphalt
-    /// takes 10; wheels that lock or spin change by more.
+    /// takes 10; wheels that lock or spin change by more. No bend is taken any harder.
     pub hardest_m_s2: f64,
     /// Fastest change of the yaw rate that is believed, rad/s^2: a car that swerves
     /// takes 3, and cameras shake: along KITTI 00 poses do so by 8. Robots that turn on
     /// the spot may need more.
     pub hardest_rad_s2: f64,
+    /// Change of speed up to which nobody asks whether the wheels are right, m/s^2: who
+    /// brakes for a light. Beyond, the images say whether it was so.
+    pub usual_m_s2: f64,
+    /// The same of the yaw rate, rad/s^2: cameras that shake do so by more now and then.
+    pub usual_rad_s2: f64,
+    /// What a pose pays for not having followed what is believed, nats: 5 says that
+    /// sensors are wrong one time of 150 that they show what is not usual.
+    pub disbelief: f64,
     /// Fastest yaw rate that is believed, rad/s: a robot that turns once a second.
     pub most_yaw_rate_rad_s: f64,
     /// Standard deviations, of what is tracked and of the odometry, by which the two may
@@ -65,6 +73,9 @@ impl Default for OdometryConfig {
             drift_per_minute: 0.1,
             hardest_m_s2: 12.0,
             hardest_rad_s2: 10.0,
+            usual_m_s2: 4.0,
+            usual_rad_s2: 6.0,
+            disbelief: 5.0,
             most_yaw_rate_rad_s: 6.0,
             believed_sigmas: 4.0,
             refused_s: 3.0,

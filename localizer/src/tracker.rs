@@ -23,7 +23,7 @@ mod sight;
 mod unseen;
 
 pub use bank::BankConfig;
-use believed::Doubts;
+use believed::{Believed, Doubts};
 pub use clock::ClockConfig;
 use clock::{Clock, Interval};
 use course::Course;
@@ -153,8 +153,9 @@ impl<'a> Tracker<'a> {
         let since_image_s = dt_s + std::mem::take(&mut self.since_image_s);
         self.clock.tick(since_image_s, self.sight.shows_the_same, &self.config.clock);
         self.unfollowed_s += dt_s;
-        let odometry = self.believed(dt_s, input.odometry);
-        self.predict(dt_s, odometry.as_ref());
+        let believed = self.believed(dt_s, input.odometry);
+        self.predict(dt_s, &believed);
+        let odometry = believed.shown;
         let untold_s = std::mem::take(&mut self.untold_s);
         let untold_s = if odometry.is_some_and(|shown| shown.tells_speed()) { untold_s } else { untold_s + rest_s };
         self.go_unseen(untold_s, rest_s, odometry.as_ref());
@@ -181,8 +182,9 @@ impl<'a> Tracker<'a> {
     }
 
     /// Moves every hypothesis on; those that do not know their speed yet split
-    /// into one for each speed that the images could tell apart.
-    fn predict(&mut self, dt_s: f64, odometry: Option<&Odometry>) {
+    /// into one for each speed that the images could tell apart, and the best
+    /// where what moves it is odd: one follows that, the other does not.
+    fn predict(&mut self, dt_s: f64, believed: &Believed) {
         std::mem::swap(&mut self.bank, &mut self.spare);
         self.bank.clear();
         let best = self.spare.first().map_or((0.0, 0.0), Hypothesis::spoken);
@@ -196,7 +198,16 @@ impl<'a> Tracker<'a> {
             let of_pair = |other| self.config.bank.told([hypothesis.evidence, other].into_iter());
             let told = other.map_or(widest, of_pair);
             hypothesis.carry(best, told, &self.config.bank);
-            hypothesis.predict(dt_s, odometry, &self.config, &mut self.bank);
+            let is_doubted = i == 0 && believed.is_odd();
+            let sober = is_doubted.then(|| hypothesis.disbelieving(self.config.odometry.disbelief));
+            hypothesis.predict(dt_s, believed.shown.as_ref(), &self.config, &mut self.bank);
+            if let Some(sober) = sober {
+                sober.predict(dt_s, believed.usual.as_ref(), &self.config, &mut self.bank);
+            }
+        }
+        if believed.is_odd() {
+            // Nothing but the images tells how far it went.
+            self.bank.iter_mut().for_each(|hypothesis| hypothesis.is_carried = false);
         }
         self.time_variance_s2 = self.clock.variance_s2();
     }

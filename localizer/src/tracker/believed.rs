@@ -34,6 +34,11 @@ struct Shown {
 }
 
 impl Shown {
+    /// Whether it is no more than vehicles `usually` change by.
+    fn is_usual(&self, usually: f64, dt_s: f64, config: &OdometryConfig) -> bool {
+        self.off.abs() <= usually * dt_s + config.believed_sigmas * self.sigma.hypot(self.sensor_sigma)
+    }
+
     /// Whether it can be, after what was `refused` the last time.
     fn is_believed(&self, refused: &mut Option<Refused>, dt_s: f64, config: &OdometryConfig) -> bool {
         let before = refused.filter(|refused| refused.for_s < config.refused_s);
@@ -45,22 +50,45 @@ impl Shown {
     }
 }
 
+/// What of the odometry is believed.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Believed {
+    /// All that can be.
+    pub shown: Option<Odometry>,
+    /// What of it is no more than vehicles usually do: the rest may be a sensor that is wrong.
+    pub usual: Option<Odometry>,
+}
+
+impl Believed {
+    /// Whether some of it is odd.
+    pub fn is_odd(&self) -> bool {
+        self.shown != self.usual
+    }
+}
+
 impl Tracker<'_> {
     /// What of the motion of the last `dt_s` can have followed what is tracked; all that
     /// vehicles do where nothing is, or its speed is not known yet.
-    pub(super) fn believed(&mut self, dt_s: f64, shown: Option<Odometry>) -> Option<Odometry> {
+    pub(super) fn believed(&mut self, dt_s: f64, shown: Option<Odometry>) -> Believed {
         let (config, bank) = (&self.config.odometry, &self.config.bank);
-        let best = self.bank.first().filter(|best| best.knows_its_speed());
-        let tracked = best.map(|best| &best.state);
-        let shown = shown.filter(|shown| shown.yaw_rate_rad_s.abs() <= config.most_yaw_rate_rad_s)?;
+        let is_driven = |shown: &Odometry| shown.yaw_rate_rad_s.abs() <= config.most_yaw_rate_rad_s;
+        let Some(shown) = shown.filter(is_driven) else { return Believed::default() };
+        let tracked = self.bank.first().filter(|best| best.knows_its_speed()).map(|best| &best.state);
         let turn = tracked.map(|state| state.shown_turn(shown.yaw_rate_rad_s, config));
-        let may_turn = turn.is_none_or(|turn| turn.is_believed(&mut self.doubts.turn, dt_s, config));
-        let speed_m_s = shown.speed_m_s.filter(|speed_m_s| {
-            let speed = tracked.map(|state| state.shown_speed(*speed_m_s, config));
-            (-bank.max_speed_m_s..=bank.max_speed_m_s).contains(speed_m_s)
-                && speed.is_none_or(|speed| speed.is_believed(&mut self.doubts.speed, dt_s, config))
-        });
-        may_turn.then_some(Odometry { speed_m_s, ..shown })
+        let may_turn = turn.as_ref().is_none_or(|turn| turn.is_believed(&mut self.doubts.turn, dt_s, config));
+        let speed = shown.speed_m_s.and_then(|m_s| tracked.map(|state| state.shown_speed(m_s, config)));
+        let may_go = speed.as_ref().is_none_or(|speed| speed.is_believed(&mut self.doubts.speed, dt_s, config));
+        let is_reached = |m_s: &f64| (-bank.max_speed_m_s..=bank.max_speed_m_s).contains(m_s);
+        // Nothing corners harder than it brakes.
+        let aside_m_s2 = tracked.map_or(0.0, |state| state.velocity[2] * shown.yaw_rate_rad_s);
+        if !may_turn || aside_m_s2.abs() > config.hardest_m_s2 {
+            return Believed::default();
+        }
+        let shown = Odometry { speed_m_s: shown.speed_m_s.filter(|m_s| may_go && is_reached(m_s)), ..shown };
+        let turns_usually = turn.is_none_or(|turn| turn.is_usual(config.usual_rad_s2, dt_s, config));
+        let goes_usually = speed.is_none_or(|speed| speed.is_usual(config.usual_m_s2, dt_s, config));
+        let usual = Odometry { speed_m_s: shown.speed_m_s.filter(|_| goes_usually), ..shown };
+        Believed { shown: Some(shown), usual: turns_usually.then_some(usual) }
     }
 }
 

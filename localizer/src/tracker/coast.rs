@@ -5,6 +5,7 @@
 //! there is none, what braking and turning do in a second they do not go on doing for ten.
 
 use super::Tracker;
+use super::believed::Believed;
 use crate::Result;
 use crate::odometry::{Odometry, OdometryLog};
 
@@ -47,12 +48,12 @@ impl Tracker<'_> {
     fn roll(&mut self, dt_s: f64, shown: Option<Odometry>) -> Result<()> {
         self.map.next_frame()?;
         let moved_s = self.moved_on_s(dt_s, shown.as_ref());
-        let odometry = self.believed(moved_s, shown);
+        let odometry = self.believed(moved_s, shown).shown;
         self.since_image_s += moved_s;
         // Whether what nothing tells was long shows once an image comes.
         self.untold_s += if odometry.is_some_and(|shown| shown.tells_speed()) { 0.0 } else { dt_s };
         self.unfollowed_s += moved_s;
-        self.predict(moved_s, odometry.as_ref());
+        self.predict(moved_s, &Believed { shown: odometry, usual: odometry });
         self.go_unseen(0.0, dt_s, odometry.as_ref());
         self.follow_region(moved_s, odometry.as_ref(), None)?;
         if let Some((centre, reach)) = self.bank_reach() {

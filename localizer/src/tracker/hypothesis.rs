@@ -57,7 +57,7 @@ pub struct Hypothesis {
     /// Frames in a row whose matches did not hold it.
     pub weak_frames: usize,
     /// Wheels or images say how far it went.
-    is_carried: bool,
+    pub is_carried: bool,
     /// The speed is not known yet.
     pub speed_is_unknown: bool,
     /// Support of the last frame, nats.
@@ -221,6 +221,11 @@ impl Hypothesis {
         let ahead = ahead + told * (renewed(ahead, self.evidence - last) - ahead);
         self.past_weight = renewed(past, last) + ahead;
         self.handicap *= bank.handicap_memory.powf(told);
+    }
+
+    /// The same, which does not follow what is believed, and pays for it, nats.
+    pub fn disbelieving(&self, cost: f64) -> Self {
+        Self { handicap: self.handicap + cost, ..self.clone() }
     }
 
     /// Begins anew, with what speaks for it beyond this, nats.

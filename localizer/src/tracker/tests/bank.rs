@@ -66,7 +66,7 @@ fn what_a_frame_says_of_a_third_tells_two_hypotheses_not_apart() {
             (one.past_weight, one.evidence, one.handicap) = (past_weight, evidence, 5.0);
             tracker.bank.push(one);
         }
-        tracker.predict(0.1, None);
+        tracker.predict(0.1, &Believed::default());
         let lead = |other: &Hypothesis| (tracker.bank[0].past_weight - other.past_weight, other.handicap);
         tracker.bank.iter().map(lead).collect::<Vec<_>>()
     };

@@ -15,7 +15,7 @@ use crate::odometry::OdometryConfig;
 use crate::preselect::PreselectConfig;
 use crate::solver::SolverConfig;
 use crate::start::StartConfig;
-use crate::tracker::{BankConfig, ClockConfig, HealthConfig, NearbyConfig, RivalConfig, UnseenConfig};
+use crate::tracker::{BankConfig, ClockConfig, HealthConfig, NearbyConfig, RivalConfig, SweepConfig, UnseenConfig};
 use crate::vision::VisionConfig;
 use crate::visual_odometry::VisualOdometryConfig;
 
@@ -132,6 +132,10 @@ pub const LIMITS: &[Limits] = &[
     limits("gps.course_sigma_m_s", 0.0, 100.0),
     limits("gps.way_*_rad", 0.0, 3.2),
     limits("gps.*", 0.0, 1e6),
+    // Shorter ones have no number.
+    limits("sweep.stretch_m", 5.0, 1e3),
+    limits("sweep.*_m", 0.0, 1e5),
+    limits("sweep.*", 1.0, 1e6),
     limits("unseen.longest_told_s", 0.1, 3600.0),
     limits("unseen.longest_untold_s", 0.1, 3600.0),
     limits("unseen.step_s", 0.05, 10.0),
@@ -180,6 +184,8 @@ pub struct Config {
     pub health: HealthConfig,
     /// What is known after images failed to come.
     pub unseen: UnseenConfig,
+    /// The search of all roads in reach of a lost vehicle.
+    pub sweep: SweepConfig,
     /// GPS fixes.
     pub gps: GpsConfig,
     /// What of an atlas is held in memory.

@@ -20,6 +20,7 @@ mod nearby;
 mod region;
 mod rivals;
 mod sight;
+mod sweep;
 mod unseen;
 
 pub use bank::BankConfig;
@@ -48,6 +49,8 @@ use crate::start::Search;
 use hypothesis::Hypothesis;
 use region::Region;
 use sight::Sight;
+use sweep::Sweep;
+pub use sweep::SweepConfig;
 use unseen::Unseen;
 pub use unseen::UnseenConfig;
 
@@ -86,6 +89,8 @@ pub struct Tracker<'a> {
     course: Course,
     /// Where it may have gone while no image came.
     unseen: Unseen,
+    /// The search of all roads in reach.
+    sweep: Sweep,
     /// How well the times of the images are kept.
     clock: Clock,
     /// By how much the time since the last frame was doubted, s^2.
@@ -118,6 +123,7 @@ impl<'a> Tracker<'a> {
             region: Region::default(),
             course: Course::default(),
             unseen: Unseen::default(),
+            sweep: Sweep::default(),
             clock: Clock::default(),
             time_variance_s2: 0.0,
             verdict: None,
@@ -165,6 +171,7 @@ impl<'a> Tracker<'a> {
             return Ok(self.speak(0.0));
         }
         let was_searched = self.search_if_needed()?;
+        self.sweep()?;
         self.prune();
         let nearby = if was_searched { Vec::new() } else { self.search_nearby()? };
         let margin = self.find_rivals()?;
@@ -215,12 +222,13 @@ impl<'a> Tracker<'a> {
     /// Keeps all hypotheses where a vehicle can be `dt_s` after the last frame,
     /// and a fix allows.
     fn constrain(&mut self, dt_s: f64, gps: Option<&GpsFix>) {
+        let most_astray = self.most_astray();
         for hypothesis in &mut self.bank {
             hypothesis.constrain_to_path(dt_s, self.map, &self.sight.candidates.roads, &self.config);
             if let Some(fix) = gps.filter(|_| self.config.gps.fuse) {
                 hypothesis.constrain_to_fix(fix, &self.config.gps);
             }
-            hypothesis.compare(&self.region, &self.config);
+            hypothesis.compare(&self.region, most_astray, &self.config.gps);
         }
     }
 
@@ -346,7 +354,9 @@ impl<'a> Tracker<'a> {
         if verdict.is_followed && !shows_the_same {
             self.unfollowed_s = 0.0;
         }
-        if verdict.well_frames > 0 && !shows_the_same && !self.unseen.is_open() {
+        let is_well = verdict.well_frames > 0 && !shows_the_same && !self.unseen.is_open();
+        let position_map = best.state.map_from_camera.translation.vector.into();
+        if self.sweep.trusts(status, is_well, position_map, &self.config.sweep) {
             // Should it be lost from here on, it is searched around here.
             self.region.trust(&best.state, self.config.bank.contradiction);
         }

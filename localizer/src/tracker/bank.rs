@@ -60,6 +60,8 @@ pub struct BankConfig {
     /// What the last trusted pose, driven on, and fixes say against a pose is
     /// bounded by this, nats: that pose may have been wrong.
     pub most_astray: f64,
+    /// The same where the vehicle went unseen for long, nats: it may have turned anywhere.
+    pub most_astray_unseen: f64,
     /// A pose that is trusted contradicts the one that was before, driven on, if
     /// that speaks against it by more than this, nats: 8 is 99.9 % for three
     /// degrees of freedom.
@@ -100,6 +102,7 @@ impl Default for BankConfig {
             max_innovation: 11.2,
             max_surprise: 8.0,
             most_astray: 25.0,
+            most_astray_unseen: 8.0,
             contradiction: 8.0,
             road_m: 9.0,
             off_road_sigma_m: 2.0,
@@ -143,9 +146,15 @@ impl Tracker<'_> {
         next.map_or(f64::INFINITY, |next| best.log_weight - next)
     }
 
+    /// What may speak against a pose for its distance from where the camera must be, nats.
+    pub(super) fn most_astray(&self) -> f64 {
+        let bank = &self.config.bank;
+        if self.unseen.is_open() { bank.most_astray_unseen } else { bank.most_astray }
+    }
+
     /// Adds a hypothesis unless one like it is tracked already.
     pub(super) fn add(&mut self, mut newcomer: Hypothesis) {
-        newcomer.compare(&self.region, &self.config);
+        newcomer.compare(&self.region, self.most_astray(), &self.config.gps);
         if !self.bank.iter().any(|known| known.is_like(&newcomer, &self.config.bank)) {
             self.bank.push(newcomer);
         }

@@ -76,6 +76,9 @@ pub struct HealthConfig {
     /// this, nats: one landmark may be hidden for as long as the vehicle stands, 3
     /// is 95 %.
     pub most_missed: f64,
+    /// It is lost, too, where all in all more than this speaks against it, nats: then it
+    /// drives where no road is, or nothing of what it should see is there.
+    pub most_against: f64,
     /// Least standard deviation of the region searched then, metres.
     pub search_sigma_m: f64,
     /// Largest standard deviation of the region searched then, metres.
@@ -112,6 +115,7 @@ impl Default for HealthConfig {
             min_worth: 6.0,
             lost_after_frames: 8,
             most_missed: 3.0,
+            most_against: 20.0,
             search_sigma_m: 1.5,
             max_search_sigma_m: 30.0,
             max_lost_sigma_m: 300.0,
@@ -165,7 +169,8 @@ pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, heal
     let covariance = best.state.pose_covariance();
     let sigma_m = horizontal_sigma_m(&covariance);
     let verified = best.age_frames >= health.verify_frames;
-    if sigma_m > health.lost_sigma_m || best.weak_frames >= health.lost_after_frames || (was_lost && !verified) {
+    let is_refuted = best.weak_frames >= health.lost_after_frames || best.log_weight < -health.most_against;
+    if sigma_m > health.lost_sigma_m || is_refuted || (was_lost && !verified) {
         return Verdict { status: Status::Lost, is_followed: false, well_frames: 0, was_ok: false, was_ever_ok };
     }
     if let Some(before) = before.filter(|_| context.shows_the_same) {

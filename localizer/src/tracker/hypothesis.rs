@@ -182,9 +182,9 @@ impl Hypothesis {
         self.log_weight = self.past_weight + self.evidence - self.handicap - self.astray;
     }
 
-    /// Takes in how far it lies from where the camera must be.
-    pub fn compare(&mut self, region: &Region, config: &Config) {
-        let astray = region.against(&self.state, &config.gps, config.bank.most_astray);
+    /// Takes in how far it lies from where the camera must be, no more than `most` nats.
+    pub fn compare(&mut self, region: &Region, most: f64, gps: &GpsConfig) {
+        let astray = region.against(&self.state, gps, most);
         self.log_weight += self.astray - astray;
         self.astray = astray;
     }

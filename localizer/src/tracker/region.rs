@@ -128,8 +128,10 @@ impl Tracker<'_> {
         let speed_m_s = self.bank.first().map_or(0.0, |best| best.state.velocity[2]);
         let speed_m_s = speed_m_s.clamp(-bank.max_reverse_m_s, bank.max_speed_m_s);
         let config = &self.config.unseen;
+        self.sweep.drive(untold_s * speed_m_s.abs().max(config.least_m_s));
         let mut is_elsewhere = self.unseen.drive(untold_s, None, speed_m_s, config);
         if let Some(shown_m_s) = shown.and_then(|shown| shown.speed_m_s) {
+            self.sweep.drive(told_s * shown_m_s.abs());
             is_elsewhere |= self.unseen.drive(told_s, Some(shown_m_s), speed_m_s, config);
         }
         if is_elsewhere {
@@ -152,6 +154,7 @@ impl Tracker<'_> {
             }
         });
         if let Some(fix) = fix {
+            self.sweep.know(fix.position_map);
             if self.unseen.hear(fix, self.config.gps.refused_sigmas * fix.horizontal_sigma_m) {
                 // Nor does where it would be, had it gone on.
                 self.region = Region::default();

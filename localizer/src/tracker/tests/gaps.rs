@@ -33,7 +33,7 @@ fn a_day_in_which_nobody_saw_it_takes_a_vehicle_no_further_than_some_minutes() {
 
 /// Positions and what is said of them behind frames of which no image comes, and which
 /// take longer by `late_s` than they do at the speed of the drive.
-fn after(dark: Range<usize>, late_s: f64, world: &World, log: &OdometryLog, config: &Config) -> Vec<(f64, Status)> {
+pub fn after(dark: Range<usize>, late_s: f64, world: &World, log: &OdometryLog, config: &Config) -> Vec<(f64, Status)> {
     let fixes = fixes(0..GpsConfig::default().simulated_fixes, world);
     after_with(&fixes, dark, late_s, world, log, config)
 }
@@ -69,7 +69,7 @@ fn after_with(
 }
 
 /// What the motion is said to be up to these frames, the times of which are late, seconds.
-fn told(world: &World, stretches: &[(Range<usize>, f64)]) -> OdometryLog {
+pub fn told(world: &World, stretches: &[(Range<usize>, f64)]) -> OdometryLog {
     let mut log = OdometryLog::default();
     for (frames, late_s) in stretches {
         for frame in frames.clone() {

@@ -41,12 +41,16 @@ pub enum Step {
     Starts,
     /// After a loss the search goes along the roads.
     RoadSearch,
+    /// All roads that a lost vehicle can have reached are searched.
+    Sweep,
     /// The camera's height is that of the survey.
     Height,
     /// Vehicles stay near roads and head along them.
     Road,
     /// Images, label images, or a log of wheels tell how fast it drove and turned.
     Odometry,
+    /// What is odd of the motion is followed by one pose and not by another.
+    Disbelief,
     /// A vehicle goes where its axle points.
     Wheels,
     /// Speeding up and braking last: without, the speed wanders as much at once.
@@ -125,15 +129,17 @@ impl Step {
             }
             Self::Loose => config.rivals.loose_distinct_m = NEVER,
             Self::Jumps => config.bank.jump_cost = NEVER,
-            Self::Astray => config.bank.most_astray = 0.0,
+            Self::Astray => (config.bank.most_astray, config.bank.most_astray_unseen) = (0.0, 0.0),
             Self::Innovation => config.bank.max_innovation = NEVER,
             Self::Memory => config.bank.memory = 0.0,
             Self::Telling => config.bank.telling = 0.0,
             Self::Starts => config.start.kept = 1,
             Self::RoadSearch => config.start.grid_sigma_m = NEVER,
+            Self::Sweep => config.sweep.after_m = NEVER,
             Self::Height => config.start.height_frames = NEVER,
             Self::Road => (config.bank.road_m, config.start.road_heading_sigma_rad) = (NEVER, NEVER),
             Self::Odometry => trial.odometry = OdometryLog::default(),
+            Self::Disbelief => (config.odometry.usual_m_s2, config.odometry.usual_rad_s2) = (NEVER, NEVER),
             Self::Wheels => (config.motion.slip_sigma_rad, config.motion.slip_sigma_m_s) = (NEVER, NEVER),
             Self::Acceleration => {
                 let motion = &mut config.motion;

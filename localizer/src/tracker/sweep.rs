@@ -31,8 +31,8 @@ pub struct SweepConfig {
     /// No road further from there is swept, metres: within a kilometre a dense town has 20 km
     /// of them, which take some minutes.
     pub farthest_m: f64,
-    /// Length of a stretch, metres: as many cells as a start has, with half of it on
-    /// either side.
+    /// Longest stretch, metres: with a quarter of it more at either end it has about as many
+    /// cells as a start may have.
     pub stretch_m: f64,
     /// The best cells of a stretch that are matched in full.
     pub matched_cells: usize,

@@ -175,11 +175,17 @@ fn black_images_are_survived() {
 
 /// A tracker that has followed the street for 20 frames.
 fn followed<'a>(world: &World, map: &'a mut LocalMap) -> Tracker<'a> {
+    followed_by(world, map, 20, false)
+}
+
+/// The same for so many frames, with wheels or without.
+fn followed_by<'a>(world: &World, map: &'a mut LocalMap, frames: usize, has_wheels: bool) -> Tracker<'a> {
     let fixes = simulate(&world.truth[..2], &GpsConfig::default(), 1);
     let mut tracker = Tracker::new(map, &world.camera, IMAGE, &Config::default());
-    for frame in 0..20 {
+    for frame in 0..frames {
         let (time_s, features) = (time_s(frame), &world.features(frame));
-        tracker.step(&FrameInput { time_s, features, gps: fixes.get(frame), odometry: None }).unwrap();
+        let odometry = has_wheels.then(|| world.odometry(frame));
+        tracker.step(&FrameInput { time_s, features, gps: fixes.get(frame), odometry }).unwrap();
     }
     tracker
 }

@@ -19,22 +19,11 @@ fn wheels_that_lock_or_spin_and_numbers_that_no_vehicle_drives_are_not_believed(
     assert!(10 * ok > 9 * (run.statuses.len() - started), "{ok}");
 }
 
-/// A tracker that has followed the street for 30 frames with wheels.
-fn driven<'a>(world: &World, map: &'a mut LocalMap) -> Tracker<'a> {
-    let fixes = simulate(&world.truth[..2], &GpsConfig::default(), 1);
-    let mut tracker = Tracker::new(map, &world.camera, IMAGE, &Config::default());
-    for frame in 0..30 {
-        let (time_s, features, odometry) = (time_s(frame), &world.features(frame), Some(world.odometry(frame)));
-        tracker.step(&FrameInput { time_s, features, gps: fixes.get(frame), odometry }).unwrap();
-    }
-    tracker
-}
-
 #[test]
 fn what_is_odd_is_followed_and_not_and_the_images_decide() {
     let world = World::new(street());
     let mut map = LocalMap::whole(world.map.clone());
-    let mut tracker = driven(&world, &mut map);
+    let mut tracker = followed_by(&world, &mut map, 30, true);
     let right = world.odometry(30);
     let faster = |m_s: f64| Odometry { speed_m_s: right.speed_m_s.map(|speed_m_s| speed_m_s + m_s), ..right };
     let turned = |rad_s: f64| Odometry { yaw_rate_rad_s: right.yaw_rate_rad_s + rad_s, ..right };
@@ -61,7 +50,7 @@ fn what_is_odd_is_followed_and_not_and_the_images_decide() {
 fn no_bend_is_taken_harder_than_brakes_hold() {
     let world = World::new(street());
     let mut map = LocalMap::whole(world.map.clone());
-    let mut tracker = driven(&world, &mut map);
+    let mut tracker = followed_by(&world, &mut map, 30, true);
     tracker.config.odometry.hardest_rad_s2 = 100.0;
     let speed_m_s = tracker.bank[0].state.velocity[2];
     for (aside_m_s2, is_believed) in [(9.0, true), (15.0, false)] {

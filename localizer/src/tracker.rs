@@ -41,11 +41,11 @@ use crate::config::Config;
 use crate::estimate::{PoseEstimate, Status};
 use crate::features::Features;
 use crate::gps::GpsFix;
-use crate::local_map::LocalMap;
+use crate::local_map::{LocalMap, RoadKey};
 use crate::odometry::Odometry;
 use crate::preselect::{Lookup, Reach};
 use crate::projection::ImageSize;
-use crate::start::Search;
+use crate::start::{Rough, Search, StartConfig};
 use hypothesis::Hypothesis;
 use region::Region;
 use sight::Sight;
@@ -308,14 +308,8 @@ impl<'a> Tracker<'a> {
         let position = region.map_from_camera.translation.vector.into();
         self.map.roads_near(&position, self.config.start.path_reach_m, &mut self.sight.candidates.roads)?;
         let rough = region::rough_of(&region, self.map, &self.sight.candidates.roads, &self.config);
-        let reach = Reach {
-            position_m: self.config.start.reach_sigmas * rough.sigmas[0].hypot(rough.sigmas[2]),
-            angle_rad: self.config.start.reach_sigmas * rough.sigmas[4],
-        };
-        self.select(&rough.map_from_camera, &reach)?;
-        self.search.lay_out(&rough, self.map, &self.sight.candidates.roads, &self.config.start);
-        let scene = self.sight.scene(&self.config);
-        let found = self.search.run(&scene, &rough, &mut self.associator, &self.config.start, &self.config);
+        let start = self.config.start;
+        let found = self.search_around(&rough, &rough.reach(&start), None, &start)?;
         let handicap = if self.bank.is_empty() { 0.0 } else { self.newcomer_cost() };
         // What is hidden from the best was hidden from the others, too.
         let past_weight = self.bank.first().map_or(0.0, |best| best.past_weight.min(0.0));
@@ -324,6 +318,22 @@ impl<'a> Tracker<'a> {
         }
         self.sort();
         Ok(true)
+    }
+
+    /// The poses that fit best around a rough one with what is seen within `reach`; where that
+    /// says little along this road alone, or along all that are near.
+    fn search_around(
+        &mut self,
+        rough: &Rough,
+        reach: &Reach,
+        road: Option<RoadKey>,
+        start: &StartConfig,
+    ) -> Result<Vec<Refined>> {
+        self.select(&rough.map_from_camera, reach)?;
+        let roads = if road.is_some() { road.as_slice() } else { &self.sight.candidates.roads };
+        self.search.lay_out(rough, self.map, roads, start);
+        let scene = self.sight.scene(&self.config);
+        Ok(self.search.run(&scene, rough, &mut self.associator, start, &self.config))
     }
 
     /// What a pose that the search finds beside those that are tracked pays,

@@ -8,6 +8,7 @@ use nalgebra::{Matrix6, Point3, Vector6};
 use super::StartConfig;
 use crate::filter::State;
 use crate::local_map::{LocalMap, PathPlace, RoadKey};
+use crate::preselect::Reach;
 
 /// How a camera stands on the survey's path: the same all along it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,6 +25,12 @@ impl Stance {
     /// That of the survey's rig, as high as `config` says.
     pub fn of_survey(config: &StartConfig) -> Self {
         Self { above_m: config.height_above_path_m, pitch_rad: 0.0, roll_rad: 0.0 }
+    }
+
+    /// That of a vehicle whose camera is known to sit higher than the survey's, and askew.
+    pub fn of_vehicle(state: &State, config: &StartConfig) -> Self {
+        let [pitch_rad, roll_rad] = state.rest_rad;
+        Self { above_m: config.height_above_path_m + state.higher_m, pitch_rad, roll_rad }
     }
 
     /// That of a pose whose place on the path this is.
@@ -91,6 +98,14 @@ impl Rough {
         Self {
             map_from_camera: pose.to_pose(),
             sigmas: Vector6::new(horizontal_sigma_m, height_sigma_m, horizontal_sigma_m, tilt, yaw_sigma_rad, tilt),
+        }
+    }
+
+    /// How far around its mean a search goes.
+    pub fn reach(&self, config: &StartConfig) -> Reach {
+        Reach {
+            position_m: config.reach_sigmas * self.sigmas[0].hypot(self.sigmas[2]),
+            angle_rad: config.reach_sigmas * self.sigmas[4],
         }
     }
 

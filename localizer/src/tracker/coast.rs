@@ -53,6 +53,7 @@ impl Tracker<'_> {
         // Whether what nothing tells was long shows once an image comes.
         self.untold_s += if odometry.is_some_and(|shown| shown.tells_speed()) { 0.0 } else { dt_s };
         self.unfollowed_s += moved_s;
+        // No image tells which of two is right.
         self.predict(moved_s, &Believed { shown: odometry, usual: odometry });
         self.go_unseen(0.0, dt_s, odometry.as_ref());
         self.follow_region(moved_s, odometry.as_ref(), None)?;

@@ -12,7 +12,6 @@ use serde::{Deserialize, Serialize};
 use super::Tracker;
 use super::hypothesis::Hypothesis;
 use crate::Result;
-use crate::preselect::Reach;
 use crate::start::{Rough, StartConfig};
 
 /// Settings of the search around a pose that is not trusted. Its steps and how
@@ -74,14 +73,7 @@ impl Tracker<'_> {
             ..self.config.start
         };
         let rough = self.level_around(&best);
-        let reach = Reach {
-            position_m: start.reach_sigmas * rough.sigmas[0].hypot(rough.sigmas[2]),
-            angle_rad: start.reach_sigmas * rough.sigmas[4],
-        };
-        self.select(&rough.map_from_camera, &reach)?;
-        self.search.lay_out(&rough, self.map, &self.sight.candidates.roads, &start);
-        let scene = self.sight.scene(&self.config);
-        let found = self.search.run(&scene, &rough, &mut self.associator, &start, &self.config);
+        let found = self.search_around(&rough, &rough.reach(&start), None, &start)?;
         let least = best.evidence - self.config.rivals.spawn_margin;
         let found = found.iter().filter(|refined| refined.evidence() > least);
         Ok(found.map(|refined| Hypothesis::beside(&best, refined, self.config.bank.jump_cost)).collect())

@@ -251,9 +251,7 @@ pub(super) fn rough_of(region: &State, map: &LocalMap, roads: &[RoadKey], config
         return Rough { map_from_camera: region.map_from_camera, sigmas };
     };
     let mut pose = PoseParameters::from_pose(&region.map_from_camera);
-    let [pitch_rad, roll_rad] = region.rest_rad;
-    let stance = Stance { above_m: start.height_above_path_m + region.higher_m, pitch_rad, roll_rad };
-    let there = stance.on(&place, &pose);
+    let there = Stance::of_vehicle(region, start).on(&place, &pose);
     let on_path = [
         (1, &mut pose.y_m, there.y_m),
         (3, &mut pose.pitch_rad, there.pitch_rad),

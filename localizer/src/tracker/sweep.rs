@@ -64,11 +64,11 @@ pub(super) struct Sweep {
 }
 
 /// A stretch of a road.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 struct Stretch {
     road: RoadKey,
-    /// Its middle, along the road, metres.
-    middle_m: f64,
+    /// Its middle.
+    place: PathPlace,
     /// Metres.
     length_m: f64,
     /// Driven against the survey's direction.
@@ -123,8 +123,9 @@ impl Tracker<'_> {
         if self.sweep.left.is_empty() {
             self.plan_sweep(&roads, &region.map_from_camera.translation.vector.into());
         }
-        let Some(stretch) = self.sweep.left.pop() else { return Ok(()) };
-        let Some(rough) = self.amid(&stretch, &region) else { return Ok(()) };
+        let next = self.sweep.left.pop().filter(|stretch| roads.binary_search(&stretch.road).is_ok());
+        let Some(stretch) = next else { return Ok(()) };
+        let rough = self.amid(&stretch, &region);
         let start = StartConfig {
             matched_cells: config.matched_cells,
             refined: config.refined,
@@ -132,12 +133,9 @@ impl Tracker<'_> {
             grid_sigma_m: 0.0,
             ..self.config.start
         };
-        let reach =
-            Reach { position_m: start.reach_sigmas * rough.sigmas[0], angle_rad: start.reach_sigmas * rough.sigmas[4] };
-        self.select(&rough.map_from_camera, &reach)?;
-        self.search.lay_out(&rough, self.map, &[stretch.road], &start);
-        let scene = self.sight.scene(&self.config);
-        let found = self.search.run(&scene, &rough, &mut self.associator, &start, &self.config);
+        // Its cells lie along a road, not in a square.
+        let reach = Reach { position_m: start.reach_sigmas * rough.sigmas[0], ..rough.reach(&start) };
+        let found = self.search_around(&rough, &reach, Some(stretch.road), &start)?;
         // Of all stretches one is right.
         let handicap = self.newcomer_cost() + (self.sweep.count as f64).ln();
         let past_weight = self.bank.first().map_or(0.0, |best| best.past_weight);
@@ -157,10 +155,10 @@ impl Tracker<'_> {
             let road_m = length_m(path_map);
             let count = (road_m / self.config.sweep.stretch_m).ceil().max(1.0);
             for number in 0..count as usize {
-                let (middle_m, length_m) = ((number as f64 + 0.5) * road_m / count, road_m / count);
-                let Some(place) = place_at(path_map, middle_m) else { continue };
+                let Some(place) = place_at(path_map, (number as f64 + 0.5) * road_m / count) else { continue };
                 let away_m = place.distance_m(expected_map);
-                let either = [true, false].map(|is_against| Stretch { road, middle_m, length_m, is_against });
+                let either =
+                    [true, false].map(|is_against| Stretch { road, place, length_m: road_m / count, is_against });
                 stretches.extend(either.map(|stretch| (away_m, stretch)));
             }
         }
@@ -172,23 +170,20 @@ impl Tracker<'_> {
 
     /// A rough pose amid a stretch of road, headed along it, with what reaches beyond its
     /// ends; its camera sits as in `region`.
-    fn amid(&self, stretch: &Stretch, region: &State) -> Option<Rough> {
-        let (path_map, start) = (self.map.path(stretch.road), &self.config.start);
-        let place = place_at(path_map, stretch.middle_m)?;
+    fn amid(&self, stretch: &Stretch, region: &State) -> Rough {
+        let (place, start) = (&stretch.place, &self.config.start);
         let along_rad = place.forward_map.x.atan2(place.forward_map.z);
         let yaw_rad = if stretch.is_against { along_rad + PI } else { along_rad };
-        let [pitch_rad, roll_rad] = region.rest_rad;
-        let stance = Stance { above_m: start.height_above_path_m + region.higher_m, pitch_rad, roll_rad };
         let [x_m, y_m, z_m] = place.point_map.coords.into();
         let level = PoseParameters { x_m, y_m, z_m, yaw_rad, pitch_rad: 0.0, roll_rad: 0.0 };
         // A quarter of it beyond either end, for who drives on before its turn comes again.
         let sigma_m = 0.75 * stretch.length_m / start.reach_sigmas;
         let heading_sigma_rad = self.config.unseen.any_heading_rad / start.reach_sigmas;
         let tilt_rad = start.tilt_sigma_rad;
-        Some(Rough {
-            map_from_camera: stance.on(&place, &level).to_pose(),
+        Rough {
+            map_from_camera: Stance::of_vehicle(region, start).on(place, &level).to_pose(),
             sigmas: Vector6::new(sigma_m, start.height_sigma_m, sigma_m, tilt_rad, heading_sigma_rad, tilt_rad),
-        })
+        }
     }
 }
 
@@ -248,10 +243,8 @@ mod tests {
         let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, &Config::default());
         let expected_map = Point3::from(world.truth[100].translation.vector);
         tracker.plan_sweep(&roads, &expected_map);
-        let places = |tracker: &Tracker<'_>, stretch: &Stretch| {
-            place_at(tracker.map.path(stretch.road), stretch.middle_m).unwrap().distance_m(&expected_map)
-        };
-        let away_m: Vec<f64> = tracker.sweep.left.iter().rev().map(|stretch| places(&tracker, stretch)).collect();
+        let away_m: Vec<f64> =
+            tracker.sweep.left.iter().rev().map(|stretch| stretch.place.distance_m(&expected_map)).collect();
         assert!(away_m.is_sorted() && away_m[0] < 0.5 * SweepConfig::default().stretch_m, "{away_m:?}");
         let against = tracker.sweep.left.iter().filter(|stretch| stretch.is_against).count();
         assert!(2 * against == away_m.len() && tracker.sweep.count == away_m.len());

@@ -20,7 +20,7 @@ use common::map::{RoadId, SemanticMap};
 use divan::{AllocProfiler, Bencher};
 use localizer::cli::input::simulated;
 use localizer::config::Config;
-use localizer::drive::{Drive, Source, image_size};
+use localizer::drive::{Drive, Source};
 use localizer::eval::START_FRAMES;
 use localizer::gps::GpsFix;
 use localizer::local_map::LocalMap;
@@ -69,19 +69,17 @@ static CASE: LazyLock<Case> = LazyLock::new(|| {
     };
     let config = Config::default();
     let (map, truth) = mapped(&root, sequence);
-    let drive = Drive::open(&root, sequence, Some(&folder), 0, Some(LAST)).unwrap();
+    let drive = Drive::open(&root, sequence, Some(&folder), 0, Some(LAST), config.vision.widest_px).unwrap();
     let source = Source::Labels(folder);
-    let mut size = (0, 0);
     let look = |&frame: &usize| {
-        let seen = drive.see(frame, &source, None, &config.vision).unwrap();
-        size = (seen.maps.width(), seen.maps.height());
+        let seen = drive.see(frame, &source, &config.vision).unwrap();
         let time_s = drive.times_s[frame];
         FrameFeatures { frame, time_s, features: seen.features, maps_ms: 0.0, features_ms: 0.0 }
     };
     let frames: Vec<FrameFeatures> = drive.frames.iter().map(look).collect();
     let starts = (0..STARTS).map(|seed| simulated(&frames, &truth, &config, seed).unwrap()).collect();
     let name = format!("{} frames of {sequence}, {} GPS starts", frames.len(), STARTS);
-    Case { name, config, map, drive, image: image_size(size.0, size.1), frames, starts }
+    Case { name, config, map, image: drive.seen_px(), drive, frames, starts }
 });
 
 /// The label images of KITTI 04; none without the drive and the networks. They
@@ -90,13 +88,14 @@ fn segmented(shared: &Path) -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("kitti_04_labels");
     let nets = ["espnetv2_cityscapes_384x1248.onnx", "twinlitenet_lane_384x1248.onnx"];
     let nets = nets.map(|net| shared.join("models").join(net));
-    let drive = Drive::open(&shared.join("kitti"), "04", None, 0, Some(LAST)).ok()?;
+    let config = Config::default().vision;
+    let drive = Drive::open(&shared.join("kitti"), "04", None, 0, Some(LAST), config.widest_px).ok()?;
     let source = Source::open(&nets.each_ref().map(PathBuf::as_path), Runtime::Rten, None).ok()?;
     for &frame in &drive.frames {
         // The labels of a frame are written in the order of the classes.
         if !localizer::vision::Class::ALL.iter().all(|&class| labels::path(&folder, class, frame).is_file()) {
-            let seen = drive.see(frame, &source, None, &Config::default().vision).ok()?;
-            labels::write(&folder, frame, &seen.maps).ok()?;
+            let seen = drive.see(frame, &source, &config).ok()?;
+            drive.write_labels(&folder, frame, &seen).ok()?;
         }
     }
     Some(folder)

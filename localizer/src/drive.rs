@@ -11,7 +11,7 @@ use crate::config::Config;
 use crate::features::Features;
 use crate::projection::ImageSize;
 use crate::vision::config::Ground;
-use crate::vision::image::{check_calibration, check_size};
+use crate::vision::image::{check_calibration, check_size, size_of_png};
 use crate::vision::network::{self, Network, Runtime};
 use crate::vision::{Plane, ProbabilityMaps, RgbImage, VisionConfig, labels, read_png};
 use crate::visual_odometry::VisualOdometer;
@@ -35,8 +35,12 @@ const FRAMES_AHEAD: usize = 2;
 pub struct Drive {
     /// Where it lies.
     pub sequence: Sequence,
-    /// The camera.
+    /// The camera, of images of the size at which they are looked at.
     pub camera: PinholeCamera,
+    /// Columns and rows of the images as they were taken.
+    taken_px: (usize, usize),
+    /// The same as they are looked at.
+    seen_px: (usize, usize),
     /// The time of every frame of the sequence, seconds.
     pub times_s: Vec<f64>,
     /// The frames to localize, ascending.
@@ -86,13 +90,21 @@ pub struct Seen {
 
 impl Drive {
     /// The frames `first..=last` of a sequence that have an image, or labels
-    /// where `labels` is given.
+    /// where `labels` is given; wider images than `widest_px` are looked at scaled
+    /// down to that.
     ///
     /// # Errors
     /// As [`check_range`] and [`Sequence::open`], its calibration and times; where there is no folder
     /// `labels`; [`Error::EmptyFolder`] and [`Error::NoFrames`] where there is nothing
-    /// to localize in.
-    pub fn open(root: &Path, name: &str, labels: Option<&Path>, first: usize, last: Option<usize>) -> Result<Self> {
+    /// to localize in; as [`check_calibration`] where its first image is not of that.
+    pub fn open(
+        root: &Path,
+        name: &str,
+        labels: Option<&Path>,
+        first: usize,
+        last: Option<usize>,
+        widest_px: usize,
+    ) -> Result<Self> {
         check_range(first, last)?;
         let sequence = Sequence::open(root, name)?;
         let camera = sequence.calibration()?.camera(CAMERA);
@@ -108,10 +120,34 @@ impl Drive {
         };
         let last = last.unwrap_or(have_last);
         let frames: Vec<usize> = available.into_iter().filter(|frame| (first..=last).contains(frame)).collect();
-        if frames.is_empty() {
+        let Some(&shown) = frames.first() else {
             return Err(Error::NoFrames { folder, first, last, have_first, have_last });
-        }
-        Ok(Self { sequence, camera, times_s, frames })
+        };
+        let taken_px = match labels {
+            Some(folder) => labels::size(folder, shown)?,
+            None => size_of_png(&sequence.image_path(CAMERA, shown))?,
+        };
+        let path = labels.map_or_else(|| sequence.image_path(CAMERA, shown), Path::to_path_buf);
+        check_calibration(&path, taken_px, &camera)?;
+        let seen_px = looked_at(taken_px, widest_px);
+        let stretch = |seen: usize, taken: usize| seen as f64 / taken as f64;
+        let camera = if seen_px == taken_px {
+            camera
+        } else {
+            camera.stretched(stretch(seen_px.0, taken_px.0), stretch(seen_px.1, taken_px.1))
+        };
+        Ok(Self { sequence, camera, taken_px, seen_px, times_s, frames })
+    }
+
+    /// Columns and rows of the images as they were taken, pixels.
+    pub fn taken_px(&self) -> (usize, usize) {
+        self.taken_px
+    }
+
+    /// Columns and rows of the images as they are looked at.
+    pub fn seen_px(&self) -> ImageSize {
+        let (width, height) = self.seen_px;
+        ImageSize { width_px: width as f64, height_px: height as f64 }
     }
 
     /// The times of the frames to localize, seconds.
@@ -130,25 +166,20 @@ impl Drive {
         2 * self.frames.iter().filter(|&&frame| self.has_image(frame)).count() > self.frames.len()
     }
 
-    /// The image of a frame.
+    /// The image of a frame as it is looked at.
     ///
     /// # Errors
-    /// As [`read_png`] and [`check_calibration`].
+    /// As [`read_png`] and [`check_size`]: all have the size of the first.
     pub fn image(&self, frame: usize) -> Result<RgbImage> {
         let path = self.sequence.image_path(CAMERA, frame);
         let image = read_png(&path)?;
-        check_calibration(&path, (image.width(), image.height()), &self.camera)?;
-        Ok(image)
+        check_size(&path, (image.width(), image.height()), self.taken_px)?;
+        Ok(image.resized(self.seen_px))
     }
 
-    /// The label images of a frame.
-    ///
-    /// # Errors
-    /// As [`labels::read`] and [`check_calibration`].
-    fn labels(&self, folder: &Path, frame: usize, expected: Option<(usize, usize)>) -> Result<ProbabilityMaps> {
-        let maps = labels::read(folder, frame, expected)?;
-        check_calibration(folder, (maps.width(), maps.height()), &self.camera)?;
-        Ok(maps)
+    /// The label images of a frame, likewise.
+    fn labels(&self, folder: &Path, frame: usize) -> Result<ProbabilityMaps> {
+        Ok(labels::read(folder, frame, Some(self.taken_px))?.resized(self.seen_px))
     }
 
     /// What an odometer looks at: the label images of a frame, as one, where `labels`
@@ -156,42 +187,27 @@ impl Drive {
     ///
     /// # Errors
     /// As [`labels::read`] and [`Drive::image`].
-    pub fn plane(&self, frame: usize, labels: Option<&Path>, expected: Option<(usize, usize)>) -> Result<Plane> {
+    pub fn plane(&self, frame: usize, labels: Option<&Path>) -> Result<Plane> {
         Ok(match labels {
-            Some(folder) => self.labels(folder, frame, expected)?.largest(),
+            Some(folder) => self.labels(folder, frame)?.largest(),
             None => self.image(frame)?.grey(),
         })
     }
 
-    /// The features of a frame; all frames must have the size `expected`
-    /// (pixels), where one is given.
+    /// The features of a frame, in pixels of the image as it is looked at.
     ///
     /// # Errors
     /// Where an image, a label or a network fails, with its sentence.
-    pub fn see(
-        &self,
-        frame: usize,
-        source: &Source,
-        expected: Option<(usize, usize)>,
-        config: &VisionConfig,
-    ) -> Result<Seen> {
+    pub fn see(&self, frame: usize, source: &Source, config: &VisionConfig) -> Result<Seen> {
         let started = std::time::Instant::now();
-        let path = self.sequence.image_path(CAMERA, frame);
         let (maps, image) = match source {
             // Its image is worth having, and not needed.
             Source::Labels(folder) => {
-                let maps = self.labels(folder, frame, expected)?;
-                let image = if self.has_image(frame) { Some(self.image(frame)?) } else { None };
-                if let Some(image) = &image {
-                    check_size(&path, (image.width(), image.height()), (maps.width(), maps.height()))?;
-                }
-                (maps, image)
+                let maps = self.labels(folder, frame)?;
+                (maps, self.has_image(frame).then(|| self.image(frame)).transpose()?)
             }
             Source::Networks(networks) => {
                 let image = self.image(frame)?;
-                if let Some(expected) = expected {
-                    check_size(&path, (image.width(), image.height()), expected)?;
-                }
                 (network::run_all(networks, &image)?, Some(image))
             }
         };
@@ -203,8 +219,15 @@ impl Drive {
         Ok(Seen { features, maps, grey, maps_ms, features_ms })
     }
 
-    /// Looks at frames in their order, the next ones while `take` has one: all
-    /// must have the size of the first.
+    /// Writes the probabilities of a frame as label images of the size of its image.
+    ///
+    /// # Errors
+    /// As [`labels::write`].
+    pub fn write_labels(&self, folder: &Path, frame: usize, seen: &Seen) -> Result<()> {
+        Ok(labels::write(folder, frame, &seen.maps.clone().resized(self.taken_px))?)
+    }
+
+    /// Looks at frames in their order, the next ones while `take` has one.
     ///
     /// # Errors
     /// As [`Drive::see`], and what `take` says; nothing comes after either.
@@ -219,10 +242,8 @@ impl Drive {
         std::thread::scope(|scope| {
             let (give, seen) = sync_channel(FRAMES_AHEAD);
             scope.spawn(move || {
-                let mut size = None;
                 for frame in frames {
-                    let found = self.see(frame, source, size, config);
-                    size = found.as_ref().ok().map(|found| (found.maps.width(), found.maps.height()));
+                    let found = self.see(frame, source, config);
                     // Nobody takes more once there was an error.
                     if give.send((frame, found)).is_err() {
                         break;
@@ -277,9 +298,14 @@ pub fn check_range(first: usize, last: Option<usize>) -> Result<()> {
     }
 }
 
-/// An image of this many columns and rows.
-pub fn image_size(width: usize, height: usize) -> ImageSize {
-    ImageSize { width_px: width as f64, height_px: height as f64 }
+/// Columns and rows at which images of so many are looked at.
+fn looked_at(taken_px: (usize, usize), widest_px: usize) -> (usize, usize) {
+    let (width, height) = taken_px;
+    if width <= widest_px {
+        return taken_px;
+    }
+    let scale = widest_px as f64 / width as f64;
+    (widest_px, ((height as f64 * scale).round() as usize).max(1))
 }
 
 /// The frames for which some class has a file.

@@ -47,9 +47,9 @@ pub struct NoiseConfig {
     /// road between the axles, and the times of camera and lidar. On KITTI 04
     /// marks and poles alike lie 0.1 m off the survey, for seconds.
     pub mark_common_m: f64,
-    /// Calibration, rectification and exposure time, pixels: no feature is
-    /// better than this.
-    pub calibration_sigma_px: f64,
+    /// Calibration, rectification and exposure time, radians: no feature is
+    /// better than this; a pixel of KITTI 04's.
+    pub calibration_sigma_rad: f64,
     /// Foot of a mapped pole in height, metres: kerbs and grass hide it from
     /// the lidar. A feature may reach no lower than three of these.
     pub foot_sigma_m: f64,
@@ -70,6 +70,11 @@ pub struct NoiseConfig {
 }
 
 impl NoiseConfig {
+    /// What calibration leaves near the middle of an image of this focal length, pixels.
+    pub fn calibration_px(&self, focal_px: f64) -> f64 {
+        self.calibration_sigma_rad * focal_px
+    }
+
     /// Standard deviations of a line across its direction and in height, metres.
     fn of_line(&self, is_kerb: bool) -> (f64, f64) {
         if is_kerb {
@@ -93,7 +98,7 @@ impl Default for NoiseConfig {
             mark_sigma_m: 0.08,
             mark_height_sigma_m: 0.03,
             mark_common_m: 0.1,
-            calibration_sigma_px: 1.0,
+            calibration_sigma_rad: 0.001_414,
             foot_sigma_m: 0.4,
             low_end_sigma_m: 0.15,
             end_sigma_px: 3.0,
@@ -185,7 +190,7 @@ pub fn pair_sign(
         return None;
     }
     let landmark_px = noise.sign_sigma_m.hypot(noise.sign_sigma_of_size * sign.size_m) * focal_px / depth_m;
-    let sigma_px = feature.sigma_px.hypot(landmark_px).hypot(noise.calibration_sigma_px);
+    let sigma_px = feature.sigma_px.hypot(landmark_px).hypot(noise.calibration_px(focal_px));
     let on_line = |normal| Observation::on_line(sign.centroid_map, normal, &feature.centre_px, sigma_px);
     Some([on_line(Vector2::x()), on_line(Vector2::y())])
 }

@@ -7,9 +7,8 @@ use std::time::Instant;
 
 use crate::Result;
 use crate::config::Config;
-use crate::drive::{Drive, Seen, Source, image_size};
+use crate::drive::{Drive, Seen, Source};
 use crate::odometry::{OdometryConfig, OdometryLog};
-use crate::projection::ImageSize;
 use crate::run::FrameFeatures;
 use crate::vision::Plane;
 use crate::visual_odometry::VisualOdometer;
@@ -21,8 +20,6 @@ pub struct Watched {
     pub frames: Vec<FrameFeatures>,
     /// How the camera moved, where the images say so.
     pub motion: MotionOfImages,
-    /// Size of the images, pixels; zero without any.
-    pub image: ImageSize,
 }
 
 /// How the camera moved, as the images say.
@@ -56,12 +53,10 @@ pub fn watch(
     config: &Config,
     mut seen: impl FnMut(usize, &Seen) -> Result<()>,
 ) -> Result<Watched> {
-    let mut image = image_size(0, 0);
     let is_on = config.visual_odometry.is_on;
     let mut watcher = is_on.then(|| Watcher::new(drive, !drive.moves_by_images(), config));
     let mut seen_frames = Vec::new();
     drive.see_all(frames, source, &config.vision, |frame, found| {
-        image = image_size(found.maps.width(), found.maps.height());
         seen(frame, &found)?;
         let time_s = drive.times_s[frame];
         let started = Instant::now();
@@ -78,7 +73,7 @@ pub fn watch(
         Ok(())
     })?;
     let motion = watcher.map(|watcher| watcher.motion).unwrap_or_default();
-    Ok(Watched { frames: seen_frames, motion, image })
+    Ok(Watched { frames: seen_frames, motion })
 }
 
 /// An image as it comes, which need not be the one that was taken then.
@@ -107,13 +102,13 @@ pub fn motion(
     let Some(first) = shown.next().filter(|_| config.visual_odometry.is_on) else {
         return Ok(MotionOfImages::default());
     };
-    let shown = drive.plane(first, labels, None)?;
+    let shown = drive.plane(first, labels)?;
     let black = Plane::zeros(shown.width(), shown.height());
     let mut watcher = Watcher::new(drive, labels.is_some(), config);
     for delivery in deliveries {
         match delivery.frame {
             Some(frame) if !is_told(frame) => {}
-            Some(frame) => watcher.step(&drive.plane(frame, labels, None)?, delivery.time_s),
+            Some(frame) => watcher.step(&drive.plane(frame, labels)?, delivery.time_s),
             None => watcher.step(&black, delivery.time_s),
         }
     }

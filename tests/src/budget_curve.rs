@@ -57,15 +57,15 @@ impl Seen {
         let say = |error: localizer::Error| error.to_string();
         let mut config = LocalizerConfig::default();
         let source = Source::open(&[], Runtime::default(), Some(labels)).map_err(say)?;
-        let drive = Drive::open(root, sequence, Some(labels), 0, None).map_err(say)?;
+        let drive = Drive::open(root, sequence, Some(labels), 0, None, config.vision.widest_px).map_err(say)?;
         let truth = common::kitti::read_poses(truth).map_err(|error| error.to_string())?;
         let known = drive.frames.iter().copied().filter(|&frame| frame < truth.len());
-        let Watched { frames, motion, image } = watch(&drive, known, &source, &config, |_, _| Ok(())).map_err(say)?;
+        let Watched { frames, motion } = watch(&drive, known, &source, &config, |_, _| Ok(())).map_err(say)?;
         if frames.is_empty() {
             return Err("the drive has no frame with a true pose; give the poses of this drive".to_owned());
         }
         let motion = odometry(None, &motion, &mut config);
-        Ok(Self { drive, image, frames, motion, truth, config })
+        Ok(Self { image: drive.seen_px(), drive, frames, motion, truth, config })
     }
 
     /// Localizes the drive in a map from so many GPS starts; none where no frame is

@@ -103,8 +103,9 @@ impl Images {
     /// # Errors
     /// Where one cannot be read.
     pub fn motion(&self, deliveries: &[Delivery]) -> localizer::Result<OdometryLog> {
-        let drive = Drive::open(&self.root, &self.sequence, self.labels.as_deref(), 0, None)?;
-        Ok(watch::motion(&drive, self.labels.as_deref(), deliveries, &self.config)?.log)
+        let (labels, widest_px) = (self.labels.as_deref(), self.config.vision.widest_px);
+        let drive = Drive::open(&self.root, &self.sequence, labels, 0, None, widest_px)?;
+        Ok(watch::motion(&drive, labels, deliveries, &self.config)?.log)
     }
 }
 
@@ -132,7 +133,7 @@ impl LookArgs {
     /// # Errors
     /// As [`Self::read`].
     pub fn read_by(&self, mut config: Config) -> localizer::Result<Trial> {
-        let wheels = self.input.read_odometry(self.odometry.as_deref())?;
+        let wheels = self.input.read_odometry(self.odometry.as_deref(), &config)?;
         let images = Images {
             root: self.input.kitti.clone().unwrap_or_default(),
             sequence: self.input.sequence.clone(),

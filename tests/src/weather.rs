@@ -160,7 +160,10 @@ impl Row {
     /// As [`Weather::write`], [`LookArgs::read`] and [`crate::trial::Trial::run`].
     pub fn of(weather: Weather, look: &LookArgs, config: &Config) -> localizer::Result<Self> {
         let folder = tempfile::tempdir().map_err(common::Error::io(std::env::temp_dir()))?;
-        let drive = look.input.open_drive()?;
+        // Images are spoilt as they were taken.
+        let mut as_taken = config.clone();
+        as_taken.vision.widest_px = usize::MAX;
+        let drive = look.input.open_drive(&as_taken)?;
         weather.write(&drive, folder.path(), look.seed)?;
         let trial = look.at(folder.path(), &drive.sequence).read_by(config.clone())?;
         let count = trial.frames.len().max(1) as f64;

@@ -39,6 +39,19 @@ impl PinholeCamera {
         Some(Self { fx_px: k[(0, 0)], fy_px: k[(1, 1)], cx_px: k[(0, 2)], cy_px: k[(1, 2)], from_reference_m })
     }
 
+    /// The same camera of images that are stretched by so much across and down;
+    /// the centres of pixels are at whole numbers.
+    #[must_use]
+    pub fn stretched(&self, across: f64, down: f64) -> Self {
+        Self {
+            fx_px: self.fx_px * across,
+            fy_px: self.fy_px * down,
+            cx_px: (self.cx_px + 0.5) * across - 0.5,
+            cy_px: (self.cy_px + 0.5) * down - 0.5,
+            ..*self
+        }
+    }
+
     /// The 3x4 projection matrix: the inverse of [`Self::from_projection`].
     pub fn projection(&self) -> Matrix3x4<f64> {
         let k = Matrix3::new(self.fx_px, 0.0, self.cx_px, 0.0, self.fy_px, self.cy_px, 0.0, 0.0, 1.0);
@@ -125,6 +138,20 @@ mod tests {
         let h = camera().projection() * point.to_homogeneous();
         let uv = camera().project(&point, 0.1).unwrap();
         assert!((uv - Point2::new(h.x / h.z, h.y / h.z)).norm() < 1e-9);
+    }
+
+    #[test]
+    fn what_is_seen_in_a_stretched_image_is_stretched_with_it() {
+        let point = Point3::new(1.0, -2.0, 10.0);
+        let uv = camera().project(&point, 0.1).unwrap();
+        let stretched = camera().stretched(0.5, 0.25).project(&point, 0.1).unwrap();
+        let corner = nalgebra::Vector2::repeat(0.5);
+        assert!(
+            ((uv + corner).coords.component_mul(&nalgebra::Vector2::new(0.5, 0.25)) - corner - stretched.coords).norm()
+                < 1e-9
+        );
+        let back = camera().stretched(0.5, 0.25).stretched(2.0, 4.0);
+        assert!((back.projection() - camera().projection()).norm() < 1e-9);
     }
 
     #[test]

@@ -60,7 +60,7 @@ pub struct Input {
     pub map: LocalMap,
     /// The drive.
     pub drive: Drive,
-    /// Size of its images.
+    /// Size of its images as they are looked at.
     pub image: ImageSize,
     /// What its frames show.
     pub frames: Vec<FrameFeatures>,
@@ -73,9 +73,10 @@ impl InputArgs {
     ///
     /// # Errors
     /// As [`Drive::open`].
-    pub fn open_drive(&self) -> Result<Drive> {
+    pub fn open_drive(&self, config: &Config) -> Result<Drive> {
         let root = super::required(self.kitti.as_ref(), "--kitti")?;
-        Drive::open(&root, &self.sequence, self.labels.as_deref(), self.first, self.last)
+        let widest_px = config.vision.widest_px;
+        Drive::open(&root, &self.sequence, self.labels.as_deref(), self.first, self.last, widest_px)
     }
 
     /// What a log says of wheels and gyroscope, where one is given.
@@ -83,10 +84,10 @@ impl InputArgs {
     /// # Errors
     /// As [`OdometryLog::read`] and [`Drive::open`], and [`Error::OdometryElsewhere`]
     /// where it says nothing of the drive: images would be passed over for it.
-    pub fn read_odometry(&self, path: Option<&Path>) -> Result<Option<OdometryLog>> {
+    pub fn read_odometry(&self, path: Option<&Path>, config: &Config) -> Result<Option<OdometryLog>> {
         let Some(path) = path else { return Ok(None) };
         let log = OdometryLog::read(path)?;
-        let times_s = self.open_drive()?.frame_times_s();
+        let times_s = self.open_drive(config)?.frame_times_s();
         let ends = log.span_s().zip(times_s.first().copied().zip(times_s.last().copied()));
         match ends {
             Some((told_s, (first_s, last_s))) if times_s.len() > 1 && log.told(&times_s) == 0 => {
@@ -113,15 +114,15 @@ impl InputArgs {
     pub fn read(&self, config: &Config, mut seen: impl FnMut(&Drive, usize, &Seen) -> Result<()>) -> Result<Input> {
         let map = LocalMap::open(&super::required(self.map.as_ref(), "--map")?, &config.local_map)?;
         let source = self.open_source()?;
-        let drive = self.open_drive()?;
+        let drive = self.open_drive(config)?;
         let bar = progress(drive.frames.len(), "features");
         let watched = watch(&drive, drive.frames.iter().copied(), &source, config, |frame, found| {
             bar.inc(1);
             seen(&drive, frame, found)
         })?;
         bar.finish_and_clear();
-        let Watched { frames, motion, image } = watched;
-        Ok(Input { map, drive, image, frames, motion })
+        let Watched { frames, motion } = watched;
+        Ok(Input { map, image: drive.seen_px(), drive, frames, motion })
     }
 
     /// The true poses of all frames of the drive.

@@ -55,21 +55,20 @@ pub fn execute(args: &MotionArgs) -> Result<bool> {
         common::atomic_file::check(path)?;
     }
     let root = super::required(args.kitti.as_ref(), "--kitti")?;
-    let drive = Drive::open(&root, &args.sequence, args.labels.as_deref(), args.first, args.last)?;
+    let drive =
+        Drive::open(&root, &args.sequence, args.labels.as_deref(), args.first, args.last, config.vision.widest_px)?;
     let truth = args.truth.as_ref().map(|path| drive.sequence.poses_from(path)).transpose()?.unwrap_or_default();
     let mut odometer = match args.labels {
         Some(_) => drive.label_odometer(&config),
         None => drive.odometer(&config),
     };
-    let mut size = None;
     let mut csv = String::from("t_s,speed_m_s,yaw_rate_rad_s\n");
     let mut steps = Vec::new();
     let mut spent_s = 0.0;
     let bar = progress(drive.frames.len(), "motion");
     let mut before: Option<usize> = None;
     for &frame in &drive.frames {
-        let plane = drive.plane(frame, args.labels.as_deref(), size)?;
-        size = Some((plane.width(), plane.height()));
+        let plane = drive.plane(frame, args.labels.as_deref())?;
         let started = Instant::now();
         let shown = odometer.step(&plane, drive.times_s[frame]);
         spent_s += started.elapsed().as_secs_f64();

@@ -59,18 +59,15 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     let wheels = (args.odometry.is_some(), "--odometry");
     args.method.check(&[wheels, (args.fuse_gps, "--fuse-gps"), (config.gps.fuse, "gps.fuse")])?;
     config.gps.fuse |= args.fuse_gps;
-    let wheels = args.input.read_odometry(args.odometry.as_deref())?;
+    let wheels = args.input.read_odometry(args.odometry.as_deref(), &config)?;
     let out = super::required(args.out.as_ref(), "--out")?;
     for folder in [Some(&out), args.save_labels.as_ref(), args.overlay.as_ref()].into_iter().flatten() {
         common::atomic_file::check_folder(folder)?;
     }
     // Where wheels tell the motion, the images are not asked.
     config.visual_odometry.is_on &= wheels.is_none();
-    let mut input = args.input.read(&config, |_, frame, seen| {
-        if let Some(folder) = &args.save_labels {
-            crate::vision::labels::write(folder, frame, &seen.maps)?;
-        }
-        Ok(())
+    let mut input = args.input.read(&config, |drive, frame, seen| {
+        args.save_labels.as_ref().map_or(Ok(()), |folder| drive.write_labels(folder, frame, seen))
     })?;
     if let Some((wheels, path)) = wheels.as_ref().zip(args.odometry.as_ref()) {
         let times_s = input.drive.frame_times_s();

@@ -7,8 +7,8 @@ use clap::Args;
 use super::input::progress;
 use crate::Result;
 use crate::drive::{Drive, Source};
+use crate::vision::VisionConfig;
 use crate::vision::network::Runtime;
-use crate::vision::{VisionConfig, labels};
 
 /// Arguments of `localizer segment`.
 #[derive(Debug, Args)]
@@ -44,10 +44,11 @@ pub fn execute(args: &SegmentArgs) -> Result<bool> {
     let networks: Vec<&Path> = [&args.pole_net, &args.lane_net].into_iter().flatten().map(PathBuf::as_path).collect();
     common::atomic_file::check_folder(&args.out)?;
     let source = Source::open(&networks, args.runtime, None)?;
-    let drive = Drive::open(&args.kitti, &args.sequence, None, args.first, args.last)?;
+    let config = VisionConfig::default();
+    let drive = Drive::open(&args.kitti, &args.sequence, None, args.first, args.last, config.widest_px)?;
     let bar = progress(drive.frames.len(), "segment");
-    drive.see_all(drive.frames.iter().copied(), &source, &VisionConfig::default(), |frame, seen| {
-        labels::write(&args.out, frame, &seen.maps)?;
+    drive.see_all(drive.frames.iter().copied(), &source, &config, |frame, seen| {
+        drive.write_labels(&args.out, frame, &seen)?;
         bar.inc(1);
         Ok(())
     })?;

@@ -32,6 +32,11 @@ fn draw(plane: &mut Plane, from: (f64, f64), to: (f64, f64), half_width: i64) {
 
 /// A drive in KITTI layout with its map and probability images, made up.
 fn write_drive(folder: &Path, frames: usize) {
+    write_drive_of(folder, frames, 1);
+}
+
+/// The same with so many times the pixels across and down.
+fn write_drive_of(folder: &Path, frames: usize, pixels: usize) {
     let world = World::new(Recipe { missed: 0.05, false_poles: 1, length_m: 60.0, ..Recipe::default() });
     let sequence = folder.join("kitti/sequences/90");
     std::fs::create_dir_all(&sequence).unwrap();
@@ -39,7 +44,8 @@ fn write_drive(folder: &Path, frames: usize) {
     let times_s: Vec<f64> = (0..frames).map(time_s).collect();
     common::kitti::write_times(sequence.join("times.txt"), &times_s).unwrap();
     common::kitti::write_poses(folder.join("kitti/poses/90.txt"), &world.truth[..frames]).unwrap();
-    let calibration = common::kitti::Calibration { cameras: [world.camera; 4], camera_from_velodyne: Pose::identity() };
+    let camera = world.camera.stretched(pixels as f64, pixels as f64);
+    let calibration = common::kitti::Calibration { cameras: [camera; 4], camera_from_velodyne: Pose::identity() };
     common::kitti::write_calibration(sequence.join("calib.txt"), &calibration).unwrap();
     common::map::write(folder.join("90.csm"), &world.map, &EncodeOptions::default()).unwrap();
     for frame in 0..frames {
@@ -57,8 +63,29 @@ fn write_drive(folder: &Path, frames: usize) {
             }
         }
         maps.set(Class::Lane, lanes).unwrap();
-        labels::write(&folder.join("labels"), frame, &maps).unwrap();
+        labels::write(&folder.join("labels"), frame, &maps.resized((1226 * pixels, 370 * pixels))).unwrap();
     }
+}
+
+#[test]
+fn a_camera_with_more_pixels_is_looked_at_as_networks_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path().display();
+    write_drive_of(folder.path(), 20, 2);
+    let drive = format!("--map {at}/90.csm --kitti {at}/kitti --sequence 90 --labels {at}/labels");
+    assert!(run_words(&format!("run {drive} --gps-seed 3 --out {at}/out --save-labels {at}/saved")).unwrap());
+    let estimates = crate::output::read_estimates(&folder.path().join("out/estimates.csv")).unwrap();
+    let truth = common::kitti::read_poses(folder.path().join("kitti/poses/90.txt")).unwrap();
+    let truth: Vec<Option<Pose>> = truth.into_iter().map(Some).collect();
+    let report = crate::eval::score(&estimates[5..], &truth, &[]).unwrap();
+    assert!(report.rms_position_m < 0.35, "{} m", report.rms_position_m);
+    // What is saved has the size of the images, so that it can be given instead.
+    assert_eq!(labels::size(&folder.path().join("saved"), 0).unwrap(), (2452, 740));
+    let saved = drive.replace("/labels", "/saved");
+    assert!(run_words(&format!("run {saved} --gps-seed 3 --out {at}/again")).unwrap());
+    let config = folder.path().join("as_taken.toml");
+    std::fs::write(&config, "[vision]\nwidest_px = 10000\n").unwrap();
+    assert!(run_words(&format!("run {drive} --config {} --gps-seed 3 --out {at}/large", config.display())).unwrap());
 }
 
 #[test]

@@ -47,7 +47,7 @@ pub fn execute(args: &TrialArgs) -> Result<bool> {
     if let Some(method) = args.method {
         method.check(&[(args.odometry.is_some(), "--odometry"), (config.gps.fuse, "gps.fuse")])?;
     }
-    let wheels = args.input.read_odometry(args.odometry.as_deref())?;
+    let wheels = args.input.read_odometry(args.odometry.as_deref(), &config)?;
     // Where wheels tell the motion, the images are not asked.
     config.visual_odometry.is_on &= wheels.is_none();
     let mut input = args.input.read(&config, |_, _, _| Ok(()))?;

@@ -179,7 +179,7 @@ fn observe(
     let variance = knot.sigma_px * knot.sigma_px
         + lateral_px * lateral_px
         + height_px * height_px
-        + noise.calibration_sigma_px * noise.calibration_sigma_px;
+        + noise.calibration_px(focal_px).powi(2);
     Some(Observation::on_line(point_map, normal, &knot.at_px, variance.sqrt()))
 }
 

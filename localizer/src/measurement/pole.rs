@@ -233,9 +233,8 @@ impl PoleImage {
         let point_map = self.top_map + (self.foot_map - self.top_map) * share;
         let depth_m = self.top_depth_m + (self.foot_depth_m - self.top_depth_m) * share;
         let landmark_px = noise.pole_sigma_m * focal_px / depth_m;
-        let variance = feature.variance_px2(place_px)
-            + landmark_px * landmark_px
-            + noise.calibration_sigma_px * noise.calibration_sigma_px;
+        let variance =
+            feature.variance_px2(place_px) + landmark_px * landmark_px + noise.calibration_px(focal_px).powi(2);
         Observation {
             point_map,
             normal: feature.line.normal,

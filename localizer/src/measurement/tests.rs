@@ -169,7 +169,7 @@ fn a_near_landmark_is_less_certain_in_the_image() {
     };
     assert!(sigma(6.0) > 2.0 * sigma(20.0));
     // However far: the calibration's floor.
-    assert!(sigma(90.0) > NoiseConfig::default().calibration_sigma_px);
+    assert!(sigma(90.0) > NoiseConfig::default().calibration_px(FOCAL_PX));
 }
 
 /// A lane line on flat ground to one side, between two distances ahead.
@@ -218,7 +218,7 @@ fn a_lane_feature_is_compared_where_the_map_has_the_line() {
     assert!(half.observations().len() < MAX_KNOTS);
     // More knots tell no more than two.
     let information = |p: &Pairing| p.observations().iter().map(|o| o.sigma_px.powi(-2)).sum::<f64>();
-    assert!(information(&pairing) < 2.0 / noise.calibration_sigma_px.powi(2));
+    assert!(information(&pairing) < 2.0 / noise.calibration_px(FOCAL_PX).powi(2));
     assert!(paired(&vertices(&lane(2.0, 6.0, 30.0))).is_none());
     // Networks put a kerb less well than paint.
     let mut kerb = lane(-1.7, 6.0, 30.0);

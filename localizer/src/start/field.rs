@@ -203,7 +203,7 @@ impl Field {
             }
             let (column_px2, row_px2) = cell.variances_px2(&foot, inverse_m);
             let (landmark_px, calibration_px) =
-                (scene.noise.pole_sigma_m * focal_px * inverse_m, scene.noise.calibration_sigma_px);
+                (scene.noise.pole_sigma_m * focal_px * inverse_m, scene.noise.calibration_px(focal_px));
             let own_px2 = column_px2 + landmark_px * landmark_px + calibration_px * calibration_px;
             let reach_px = (NEAR2 * (own_px2 + self.most_px2)).sqrt();
             let first = self.poles.partition_point(|mark| mark.column_px < column_px - reach_px);

@@ -2,10 +2,15 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Everything that can be set here. Pixels are those of the image.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+/// Everything that can be set here. Pixels are those of the image, or where it
+/// is wider than `widest_px`, of the image as it is looked at.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VisionConfig {
+    /// Wider images are scaled down to this width, pixels, before anything looks
+    /// at them: that of the networks, which see no more of any image, and whose
+    /// faults are of so many pixels of that.
+    pub widest_px: usize,
     /// Poles.
     pub poles: PoleConfig,
     /// Trunks of trees.
@@ -16,6 +21,19 @@ pub struct VisionConfig {
     pub lanes: LaneConfig,
     /// Marks of dashed lines.
     pub marks: MarkConfig,
+}
+
+impl Default for VisionConfig {
+    fn default() -> Self {
+        Self {
+            widest_px: 1248,
+            poles: PoleConfig::default(),
+            trunks: TrunkConfig::default(),
+            signs: SignConfig::default(),
+            lanes: LaneConfig::default(),
+            marks: MarkConfig::default(),
+        }
+    }
 }
 
 /// Brightness along a lane line to the ends of its marks.

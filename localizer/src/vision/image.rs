@@ -5,6 +5,8 @@ use std::io::BufReader;
 use std::path::Path;
 
 use common::geometry::PinholeCamera;
+use fast_image_resize::images::{Image, ImageRef};
+use fast_image_resize::{FilterType, PixelType, ResizeAlg, ResizeOptions, Resizer};
 
 use super::{Error, Plane};
 
@@ -52,6 +54,17 @@ impl RgbImage {
         plane
     }
 
+    /// The same image of another size, each pixel the mean of what it covers; as it is
+    /// where that is its own.
+    #[must_use]
+    pub fn resized(self, (width, height): (usize, usize)) -> Self {
+        if (width, height) == (self.width, self.height()) {
+            return self;
+        }
+        let size = (self.width, self.height());
+        Self { width, data: resized(&self.data, PixelType::U8x3, size, (width, height)) }
+    }
+
     /// The three bytes of a pixel, none outside the image.
     pub fn pixel_mut(&mut self, x: usize, y: usize) -> Option<&mut [u8]> {
         if x >= self.width {
@@ -62,20 +75,34 @@ impl RgbImage {
     }
 }
 
-/// Largest distance of the principal point from the middle of an image that
-/// was neither scaled nor cropped, as a share of its size: rectified KITTI
-/// images have at most 0.02, a half-size image has 0.5.
-const OFF_CENTRE: f64 = 0.15;
+/// Values of an image of `from` columns and rows as one of `to`: each the mean of
+/// what it covers, weighed by how near that is.
+pub(super) fn resized(values: &[u8], kind: PixelType, from: (usize, usize), to: (usize, usize)) -> Vec<u8> {
+    let [columns, rows, width, height] = [from.0, from.1, to.0, to.1].map(|side| side as u32);
+    let mut out = Image::new(width, height, kind);
+    let options = ResizeOptions::new().resize_alg(ResizeAlg::Convolution(FilterType::Bilinear));
+    if let Ok(image) = ImageRef::new(columns, rows, values, kind) {
+        // It fails for other kinds of pixels, and for no pixels, which stay black.
+        let _ = Resizer::new().resize(&image, &mut out, &options);
+    }
+    out.into_vec()
+}
+
+/// Largest distance of the principal point from the middle column of an image
+/// that was not scaled, as a share of its width: rectified KITTI images have at
+/// most 0.02, an image of twice the size has 0.25, one of half of it 0.5.
+const OFF_CENTRE: f64 = 0.2;
 
 /// Checks that an image of this size can be the one that `camera` was
 /// calibrated for. KITTI's calibration files do not say the size, so this
-/// asks that the optical axis meets the image near its middle.
+/// asks that the optical axis meets the image, and near its middle column: sky
+/// and bonnet are often cut off, the sides hardly ever.
 ///
 /// # Errors
 /// [`Error::OffCentre`] where it does not.
 pub fn check_calibration(path: &Path, size: (usize, usize), camera: &PinholeCamera) -> Result<(), Error> {
-    let off = |principal: f64, pixels: usize| (principal / pixels as f64 - 0.5).abs() > OFF_CENTRE;
-    if off(camera.cx_px, size.0) || off(camera.cy_px, size.1) {
+    let is_aside = (camera.cx_px / size.0 as f64 - 0.5).abs() > OFF_CENTRE;
+    if is_aside || !(0.0..size.1 as f64).contains(&camera.cy_px) {
         let principal_point_px = (camera.cx_px, camera.cy_px);
         return Err(Error::OffCentre { path: path.into(), found: size, principal_point_px });
     }
@@ -88,6 +115,17 @@ pub fn check_calibration(path: &Path, size: (usize, usize), camera: &PinholeCame
 /// [`Error::ImageSize`] where it has another.
 pub fn check_size(path: &Path, found: (usize, usize), expected: (usize, usize)) -> Result<(), Error> {
     if found == expected { Ok(()) } else { Err(Error::ImageSize { path: path.into(), found, expected }) }
+}
+
+/// Columns and rows of a PNG, from its head alone.
+///
+/// # Errors
+/// As [`read_png`].
+pub fn size_of_png(path: &Path) -> Result<(usize, usize), Error> {
+    let file = File::open(path).map_err(common::Error::io(path))?;
+    let read = png::Decoder::new(BufReader::new(file)).read_info();
+    let (width, height) = read.map_err(|source| Error::Decode { path: path.into(), source })?.info().size();
+    Ok((width as usize, height as usize))
 }
 
 /// Reads a colour or grey PNG of any depth as 8-bit RGB; transparency is
@@ -192,6 +230,22 @@ mod tests {
     }
 
     #[test]
+    fn what_an_image_shows_stays_where_it_is_at_another_size() {
+        let value = |x: usize, y: usize| (4 * x + 2 * y) as u8;
+        let grey = Plane::new(40, (0..20 * 40).map(|i| value(i % 40, i / 40)).collect()).unwrap();
+        let rgb = RgbImage::new(40, grey.data().iter().flat_map(|&v| [v, v, v]).collect()).unwrap();
+        let (small, of_colour) = (grey.clone().resized((20, 10)), rgb.resized((20, 10)).grey());
+        for (x, y) in [(3, 2), (10, 5), (16, 8)] {
+            // Four pixels about a corner between them.
+            let mean = 0.5 * (f64::from(value(2 * x, 2 * y)) + f64::from(value(2 * x + 1, 2 * y + 1)));
+            for image in [&small, &of_colour] {
+                assert!((f64::from(image.row(y)[x]) - mean).abs() <= 1.0, "{x}, {y}: {} {mean}", image.row(y)[x]);
+            }
+        }
+        assert_eq!(grey.clone().resized((40, 20)), grey);
+    }
+
+    #[test]
     fn a_broken_png_is_an_error_with_its_name() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("broken.png");
@@ -216,8 +270,12 @@ mod tests {
         };
         let path = Path::new("000000.png");
         assert!(check_calibration(path, (1226, 370), &camera).is_ok());
-        let error = check_calibration(path, (613, 185), &camera).unwrap_err().to_string();
-        assert!(error.contains("000000.png has 613x185 px"), "{error}");
+        // Without the sky, or the bonnet.
+        assert!([200, 270].into_iter().all(|rows| check_calibration(path, (1226, rows), &camera).is_ok()));
+        for (width, height) in [(613, 185), (2452, 740), (1226, 150)] {
+            let error = check_calibration(path, (width, height), &camera).unwrap_err().to_string();
+            assert!(error.contains(&format!("000000.png has {width}x{height} px")), "{error}");
+        }
         let error = check_size(path, (1241, 376), (1226, 370)).unwrap_err().to_string();
         assert!(error.contains("1241x376") && error.contains("1226x370"), "{error}");
     }

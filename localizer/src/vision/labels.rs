@@ -6,12 +6,23 @@
 
 use std::path::{Path, PathBuf};
 
-use super::image::{check_size, read_grey_png, write_grey_png};
+use super::image::{check_size, read_grey_png, size_of_png, write_grey_png};
 use super::{Class, Error, ProbabilityMaps};
 
 /// Where the map of a class and frame lies.
 pub fn path(folder: &Path, class: Class, frame: usize) -> PathBuf {
     folder.join(class.name()).join(format!("{frame:06}.png"))
+}
+
+/// Columns and rows of the maps of a frame: those of the first class that has one.
+///
+/// # Errors
+/// [`Error::NoLabels`] where no class has a map of this frame, and what
+/// [`super::read_png`] says.
+pub fn size(folder: &Path, frame: usize) -> Result<(usize, usize), Error> {
+    let mut paths = Class::ALL.into_iter().map(|class| path(folder, class, frame));
+    let first = paths.find(|path| path.exists());
+    size_of_png(&first.ok_or_else(|| Error::NoLabels { folder: folder.into(), frame })?)
 }
 
 /// Reads the maps of a frame. With `expected`, the size of the image, a map

@@ -4,6 +4,8 @@
 //! run on the networks themselves then see the same numbers, and the step,
 //! 0.4 %, is far below what a network's probability means.
 
+use fast_image_resize::PixelType;
+
 use super::Error;
 
 /// What a probability map is about.
@@ -77,6 +79,17 @@ impl Plane {
         &mut self.data
     }
 
+    /// The same plane of another size, each value the mean of what it covers; as it is
+    /// where that is its own.
+    #[must_use]
+    pub fn resized(self, (width, height): (usize, usize)) -> Self {
+        if (width, height) == (self.width, self.height()) {
+            return self;
+        }
+        let size = (self.width, self.height());
+        Self { width, data: super::image::resized(&self.data, PixelType::U8, size, (width, height)) }
+    }
+
     /// One row; empty outside the plane.
     pub fn row(&self, y: usize) -> &[u8] {
         self.data.get(y * self.width..(y + 1) * self.width).unwrap_or_default()
@@ -128,6 +141,12 @@ impl ProbabilityMaps {
             }
         }
         largest
+    }
+
+    /// The same for an image of another size, pixels.
+    #[must_use]
+    pub fn resized(self, size: (usize, usize)) -> Self {
+        Self { planes: self.planes.map(|plane| plane.resized(size)) }
     }
 
     /// Replaces the probabilities of a class.

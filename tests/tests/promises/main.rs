@@ -4,6 +4,7 @@
 // Helpers of tests count as tests: a failed unwrap is a failed test.
 #![allow(clippy::unwrap_used)]
 
+mod another_camera;
 mod another_lidar;
 mod atlas;
 mod bad_input;

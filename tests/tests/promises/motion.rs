@@ -41,7 +41,8 @@ fn a_missing_image_costs_what_it_alone_would_tell() {
         std::fs::remove_file(root.join(format!("sequences/00/image_2/{missing:06}.png"))).unwrap();
     }
     let labels = root.join("sequences/00/labels_2");
-    let drive = Drive::open(&root, "00", Some(&labels), 0, None).unwrap();
+    let widest_px = Config::default().vision.widest_px;
+    let drive = Drive::open(&root, "00", Some(&labels), 0, None, widest_px).unwrap();
     let (config, times_s) = (Config::default(), &drive.times_s);
     let watched =
         watch(&drive, drive.frames.clone(), &Source::Labels(labels.clone()), &config, |_, _| Ok(())).unwrap().motion;

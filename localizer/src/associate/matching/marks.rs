@@ -72,6 +72,8 @@ impl Matcher {
     /// Leaves in `edge_pairs` what may be the same end of a mark.
     fn pair_edges(&mut self, look: &Look<'_>, marks: &[[Point3<f64>; 2]], edges: &[MarkEdge]) {
         let noise = look.scene.noise;
+        let focal_px = look.scene.camera.fy_px;
+        let calibration_px = noise.calibration_px(focal_px);
         self.edge_pairs.clear();
         for mark in marks {
             let depths_m = mark.map(|end| look.view.to_camera(&end).z);
@@ -85,8 +87,8 @@ impl Matcher {
                 let way: Vector2<f64> = (ahead_px - at_px) / SCALE_M;
                 let px_per_m = way.norm();
                 let Some(tangent) = way.try_normalize(1e-6) else { continue };
-                let height_px = tangent.y * noise.mark_height_sigma_m * look.scene.camera.fy_px / depth_m;
-                let map_px = (noise.mark_sigma_m * px_per_m).hypot(height_px).hypot(noise.calibration_sigma_px);
+                let height_px = tangent.y * noise.mark_height_sigma_m * focal_px / depth_m;
+                let map_px = (noise.mark_sigma_m * px_per_m).hypot(height_px).hypot(calibration_px);
                 for (edge, seen) in edges.iter().enumerate().filter(|(_, seen)| seen.is_near == is_near) {
                     let observation = Observation::on_line(*end, tangent, &seen.at_px, seen.sigma_px.hypot(map_px));
                     let Some((distance_px, row)) = observation.linearise(&look.view) else { continue };

@@ -85,7 +85,8 @@ impl Matcher {
             let mut known: Option<(f64, PoleEnds)> = None;
             let middle = look.view.to_camera(&image.middle_map());
             let landmark_px = scene.noise.pole_sigma_m * focal_px / image.foot_depth_m;
-            let most_px = look.most_sigma_px(&middle, &Vector2::x()) + landmark_px + scene.noise.calibration_sigma_px;
+            let calibration_px = scene.noise.calibration_px(focal_px);
+            let most_px = look.most_sigma_px(&middle, &Vector2::x()) + landmark_px + calibration_px;
             let slope = (image.foot_px.x - image.top_px.x) / (image.foot_px.y - image.top_px.y).max(1.0);
             for (i, feature) in scene.features.poles.iter().enumerate() {
                 if !feature.may_be(pole.kind) {
@@ -99,8 +100,7 @@ impl Matcher {
                     continue;
                 }
                 let near = at.near.get_or_insert_with(|| {
-                    let across_px =
-                        look.sigma_px(&middle, &Vector2::x()) + landmark_px.hypot(scene.noise.calibration_sigma_px);
+                    let across_px = look.sigma_px(&middle, &Vector2::x()) + landmark_px.hypot(calibration_px);
                     Near { across_px, along_px: look.sigma_px(&middle, &Vector2::y()) }
                 });
                 let allowed_px = 5.0 * (near.across_px + feature.offset_sigma_px)

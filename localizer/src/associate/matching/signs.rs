@@ -18,7 +18,7 @@ impl Matcher {
             let p = view.to_camera(&sign.centroid_map);
             // No less than the standard deviations of pose and pair together.
             let landmark_px = (noise.sign_sigma_m + noise.sign_sigma_of_size * sign.size_m) * focal_px / depth_m;
-            let own_px = landmark_px + noise.calibration_sigma_px;
+            let own_px = landmark_px + noise.calibration_px(focal_px);
             let most_x_px = look.most_sigma_px(&p, &Vector2::x()) + own_px;
             let most_y_px = look.most_sigma_px(&p, &Vector2::y()) + own_px;
             let mut known = None;

@@ -45,7 +45,8 @@ impl Side {
         trajectory: &Path,
         last: Option<usize>,
     ) -> Result<Self, String> {
-        let drive = Drive::open(root, sequence, Some(labels), 0, last).map_err(|e| e.to_string())?;
+        let drive = Drive::open(root, sequence, Some(labels), 0, last, VisionConfig::default().widest_px)
+            .map_err(|e| e.to_string())?;
         let trajectory = Trajectory::read_kitti(trajectory, &drive.times_s).map_err(|e| e.to_string())?;
         let map = read(map).map_err(|e| e.to_string())?;
         Ok(Self { drive, source: Source::Labels(PathBuf::from(labels)), trajectory, map })
@@ -58,7 +59,7 @@ impl Side {
 
     /// What a frame gives.
     pub fn view(&self, frame: usize, config: &VisionConfig) -> Result<View, String> {
-        let seen = self.drive.see(frame, &self.source, None, config).map_err(|e| e.to_string())?;
+        let seen = self.drive.see(frame, &self.source, config).map_err(|e| e.to_string())?;
         let stamp = self.trajectory.at_frame(frame).ok_or(format!("the trajectory has no pose for frame {frame}"))?;
         let calibration = self.drive.sequence.calibration().map_err(|e| e.to_string())?;
         let scan = kitti::read_scan(self.drive.sequence.scan_path(frame), 120.0).map_err(|e| e.to_string())?;

@@ -25,6 +25,7 @@ use crate::visual_odometry::VisualOdometryConfig;
 /// dense.
 pub const LIMITS: &[Limits] = &[
     limits("vision.widest_px", 64.0, 1e6),
+    limits("vision.camera_height_m", 0.05, 100.0),
     limits("vision.poles.ransac_rounds", 1.0, 1e5),
     limits("vision.poles.ransac_seed", 0.0, 1e18),
     limits("vision.poles.lines_per_region", 1.0, 1000.0),

@@ -20,12 +20,6 @@ use crate::{Error, Result};
 /// The camera of KITTI that is used: left, colour.
 pub const CAMERA: usize = 2;
 
-/// Height of the camera over the road that is assumed where the settings of
-/// the lanes give none, metres: KITTI's. It says which rows the paper's straight
-/// line is fitted to, and the scale of the speed from images, which the map
-/// corrects.
-const CAMERA_HEIGHT_M: f64 = 1.65;
-
 /// Frames that are looked at before they are asked for: enough where one takes
 /// longer than the next.
 const FRAMES_AHEAD: usize = 2;
@@ -269,21 +263,18 @@ impl Drive {
         )
     }
 
-    fn camera_height_m(&self, config: &Config) -> f64 {
-        config.vision.lanes.ground.unwrap_or_else(|| self.ground()).camera_height_m
+    /// The height over the road that the camera is taken to have, metres.
+    pub fn camera_height_m(&self, config: &Config) -> f64 {
+        config.vision.lanes.ground.map_or(config.vision.camera_height_m, |ground| ground.camera_height_m)
     }
 
     /// The settings with the ground that this camera sees, where they do not
     /// give one.
     fn calibrated(&self, config: &VisionConfig) -> VisionConfig {
         let mut config = config.clone();
-        config.lanes.ground.get_or_insert_with(|| self.ground());
+        let (horizon_px, focal_px, camera_height_m) = (self.camera.cy_px, self.camera.fy_px, config.camera_height_m);
+        config.lanes.ground.get_or_insert(Ground { horizon_px, focal_px, camera_height_m });
         config
-    }
-
-    /// The ground before a level camera of KITTI's height.
-    fn ground(&self) -> Ground {
-        Ground { horizon_px: self.camera.cy_px, focal_px: self.camera.fy_px, camera_height_m: CAMERA_HEIGHT_M }
     }
 }
 

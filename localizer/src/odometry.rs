@@ -25,6 +25,10 @@ pub struct OdometryConfig {
     /// Standard deviation of the scale of all speeds (share): tyres wear and
     /// are inflated to within 2 %.
     pub scale_sigma: f64,
+    /// Height over the road that a camera is taken to have whose images tell the speed,
+    /// metres: one that is twice as high went twice as far. 0 for wheels.
+    #[serde(skip)]
+    pub seen_from_m: f64,
     /// Standard deviation of the yaw rate over one frame, rad/s, scale
     /// included.
     pub yaw_rate_sigma_rad_s: f64,
@@ -68,6 +72,7 @@ impl Default for OdometryConfig {
             speed_sigma_m_s: 0.1,
             standing_sigma_m_s: 0.05,
             scale_sigma: 0.02,
+            seen_from_m: 0.0,
             yaw_rate_sigma_rad_s: 0.01,
             yaw_bias_sigma_rad_s: 0.01,
             drift_per_minute: 0.1,

@@ -125,11 +125,12 @@ struct Watcher {
 
 impl Watcher {
     fn new(drive: &Drive, is_of_labels: bool, config: &Config) -> Self {
-        let (odometer, accuracy) = if is_of_labels {
+        let (odometer, mut accuracy) = if is_of_labels {
             (drive.label_odometer(config), config.visual_odometry.accuracy_of_labels())
         } else {
             (drive.odometer(config), config.visual_odometry.accuracy)
         };
+        accuracy.seen_from_m = drive.camera_height_m(config);
         let motion = MotionOfImages { log: OdometryLog::default(), accuracy };
         Self { odometer, is_of_labels, motion }
     }

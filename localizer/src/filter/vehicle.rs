@@ -11,9 +11,14 @@ use super::{
 };
 use crate::odometry::{Odometry, OdometryConfig};
 
+/// Least height of a camera as a share of the one that it was taken to have: lower it
+/// is no longer told from one that lies on the road.
+const LEAST_OF_HEIGHT: f64 = 0.1;
+
 impl State {
     /// The belief `dt_s` later, between which the odometry showed a mean
-    /// motion, if there is one: `z = v (1 + s)` of the wheels, `z = b - w` of the
+    /// motion, if there is one: `z = v (1 + s)` of the wheels, of images that of a
+    /// camera at height `h`, `z = v (1 + s) h / (h + higher)`; `z = b - w` of the
     /// gyroscope, whose left is the camera's negative turn about down.
     #[must_use]
     pub fn driven(
@@ -35,9 +40,13 @@ impl State {
         if let Some(shown_m_s) = shown.speed_m_s {
             state.covariance[(FORWARD, FORWARD)] += motion.forward.walk * motion.forward.walk * dt_s;
             let mut row = VectorN::zeros();
-            row[FORWARD] = 1.0 + state.wheel_scale;
-            row[SCALE] = state.velocity[2];
-            let expected_m_s = state.velocity[2] * (1.0 + state.wheel_scale);
+            let per_height = state.shown_share(config);
+            row[FORWARD] = (1.0 + state.wheel_scale) * per_height;
+            row[SCALE] = state.velocity[2] * per_height;
+            let expected_m_s = state.velocity[2] * row[FORWARD];
+            if config.seen_from_m > 0.0 {
+                row[HEIGHT] = -expected_m_s * per_height / config.seen_from_m;
+            }
             surprise += state.absorb(&row, shown_m_s - expected_m_s, config.sigma_of(shown_m_s));
         }
         let mut row = VectorN::zeros();
@@ -49,6 +58,13 @@ impl State {
         state.roll_on_wheels(dt_s, motion);
         state.surprise += surprise;
         state
+    }
+
+    /// The share of its way that is shown: all of it by wheels, by images what a camera
+    /// of the height that was taken for its own would have gone.
+    pub fn shown_share(&self, config: &OdometryConfig) -> f64 {
+        let taken_m = config.seen_from_m;
+        if taken_m > 0.0 { taken_m / (taken_m + self.higher_m).max(LEAST_OF_HEIGHT * taken_m) } else { 1.0 }
     }
 
     /// Takes in that an axle that does not steer goes where it points: the

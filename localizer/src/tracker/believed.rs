@@ -95,7 +95,7 @@ impl Tracker<'_> {
 impl State {
     fn shown_speed(&self, shown_m_s: f64, config: &OdometryConfig) -> Shown {
         Shown {
-            off: shown_m_s - self.velocity[2] * (1.0 + self.wheel_scale),
+            off: shown_m_s - self.velocity[2] * (1.0 + self.wheel_scale) * self.shown_share(config),
             sigma: self.covariance[(8, 8)].max(0.0).sqrt(),
             sensor_sigma: config.sigma_of(shown_m_s),
             hardest: config.hardest_m_s2,

@@ -11,6 +11,10 @@ pub struct VisionConfig {
     /// at them: that of the networks, which see no more of any image, and whose
     /// faults are of so many pixels of that.
     pub widest_px: usize,
+    /// Height of the camera over the road that is assumed where `lanes.ground` gives
+    /// none, metres: KITTI's. It says which rows the paper's straight line is fitted to,
+    /// and the scale of the speed from images, which the map corrects.
+    pub camera_height_m: f64,
     /// Poles.
     pub poles: PoleConfig,
     /// Trunks of trees.
@@ -27,6 +31,7 @@ impl Default for VisionConfig {
     fn default() -> Self {
         Self {
             widest_px: 1248,
+            camera_height_m: 1.65,
             poles: PoleConfig::default(),
             trunks: TrunkConfig::default(),
             signs: SignConfig::default(),

@@ -188,11 +188,13 @@ impl State {
             self.sharpen(i, resting);
             self.covariance[(i, i)] += motion.rest_sigma_rad * motion.rest_sigma_rad * (1.0 - resting * resting);
         }
-        let rolled_m_s = self.rolled_m_s(dt_s);
+        // Who drives along the road is always moved to the right so, and in the axes of a
+        // camera that looks down, up.
+        let along = [self.rolled_m_s(dt_s), self.velocity[2] * self.rest_rad[0].tan()];
         for (i, axis) in motion.axes().into_iter().enumerate() {
             let kept = kept_after(dt_s, axis.memory_s);
             // What turning and the mounting explain does not fade.
-            let lasting = if i == 0 { rolled_m_s } else { 0.0 };
+            let lasting = along.get(i).copied().unwrap_or(0.0);
             self.velocity[i] = lasting + kept * (self.velocity[i] - lasting);
             self.sharpen(i + 6, kept);
             let density = axis.walk * axis.walk;

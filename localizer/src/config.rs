@@ -76,6 +76,8 @@ pub const LIMITS: &[Limits] = &[
     limits("start.kept", 1.0, 1e4),
     limits("start.grid_sigma_m", 0.1, 1000.0),
     limits("start.height_above_path_m", -10.0, 10.0),
+    limits("start.other_heights_m", -10.0, 10.0),
+    limits("start.other_heights_every", 1.0, 1e6),
     limits("start.*_rad", 1e-4, 10.0),
     limits("start.*", 0.0, 1e4),
     limits("motion.*.memory_s", 0.01, 1e6),

@@ -71,6 +71,13 @@ pub struct StartConfig {
     /// Standard deviation of that height, metres: another load, another rig of
     /// the same kind, the lane beside.
     pub height_sigma_m: f64,
+    /// Other heights above that at which a camera is sought that was never found, metres:
+    /// those of a robot, a van and a bus. What is found follows 0.5 m of height by itself.
+    pub other_heights_m: [f64; 3],
+    /// In every so manieth frame of such a search.
+    pub other_heights_every: usize,
+    /// What a pose of such a height pays, nats.
+    pub other_height_cost: f64,
     /// Standard deviation of the survey's path in height along a road, metres:
     /// its tolerance, springs.
     pub road_height_sigma_m: f64,
@@ -108,6 +115,9 @@ impl Default for StartConfig {
             refined: 60,
             kept: 24,
             height_above_path_m: 0.0,
+            other_heights_m: [-0.9, 0.9, 1.6],
+            other_heights_every: 4,
+            other_height_cost: 3.0,
             height_sigma_m: 0.15,
             road_height_sigma_m: 0.06,
             crossfall: 0.025,

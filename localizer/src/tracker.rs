@@ -19,6 +19,7 @@ mod mean;
 mod nearby;
 mod region;
 mod rivals;
+mod search;
 mod sight;
 mod sweep;
 mod unseen;
@@ -41,11 +42,11 @@ use crate::config::Config;
 use crate::estimate::{PoseEstimate, Status};
 use crate::features::Features;
 use crate::gps::GpsFix;
-use crate::local_map::{LocalMap, RoadKey};
+use crate::local_map::LocalMap;
 use crate::odometry::Odometry;
 use crate::preselect::{Lookup, Reach};
 use crate::projection::ImageSize;
-use crate::start::{Rough, Search, StartConfig};
+use crate::start::Search;
 use hypothesis::Hypothesis;
 use region::Region;
 use sight::Sight;
@@ -101,6 +102,8 @@ pub struct Tracker<'a> {
     unfollowed_s: f64,
     associator: Associator,
     search: Search,
+    /// In how many frames it was searched around where it is expected.
+    searched_frames: usize,
     sight: Sight,
     /// The rivals of a frame.
     rivals: Vec<Refined>,
@@ -130,6 +133,7 @@ impl<'a> Tracker<'a> {
             unfollowed_s: f64::INFINITY,
             associator: Associator::default(),
             search: Search::default(),
+            searched_frames: 0,
             sight: Sight::new(camera, image, &config.detection.odds),
             rivals: Vec::new(),
             said: None,
@@ -287,62 +291,6 @@ impl<'a> Tracker<'a> {
     /// Lets a time pass of which no image tells anything, or none that is new.
     fn see_nothing(&mut self, is_black: bool) {
         self.bank.iter_mut().for_each(|hypothesis| hypothesis.see_nothing(is_black, &self.config.health));
-    }
-
-    /// Searches the region while nothing is tracked that the last frames
-    /// speak for; says whether it did.
-    fn search_if_needed(&mut self) -> Result<bool> {
-        let bank = &self.config.bank;
-        let lead = self.lead();
-        let sure = self.bank.first().is_some_and(|best| {
-            let verified = best.age_frames >= self.config.health.verify_frames;
-            // Two frames may be enough where nothing else comes near.
-            let alone = best.age_frames >= 1 && lead >= bank.sure_lead;
-            (verified && best.log_weight >= bank.sure_evidence)
-                || (alone && best.log_weight >= 2.0 * bank.sure_evidence)
-        });
-        if sure || self.sight.shows_nothing() {
-            return Ok(false);
-        }
-        let Some(region) = self.region.searched(&self.config.gps).cloned() else { return Ok(false) };
-        let position = region.map_from_camera.translation.vector.into();
-        self.map.roads_near(&position, self.config.start.path_reach_m, &mut self.sight.candidates.roads)?;
-        let rough = region::rough_of(&region, self.map, &self.sight.candidates.roads, &self.config);
-        let start = self.config.start;
-        let found = self.search_around(&rough, &rough.reach(&start), None, &start)?;
-        let handicap = if self.bank.is_empty() { 0.0 } else { self.newcomer_cost() };
-        // What is hidden from the best was hidden from the others, too.
-        let past_weight = self.bank.first().map_or(0.0, |best| best.past_weight.min(0.0));
-        for refined in found {
-            self.add(Hypothesis::found(&refined, &region, past_weight, handicap));
-        }
-        self.sort();
-        Ok(true)
-    }
-
-    /// The poses that fit best around a rough one with what is seen within `reach`; where that
-    /// says little along this road alone, or along all that are near.
-    fn search_around(
-        &mut self,
-        rough: &Rough,
-        reach: &Reach,
-        road: Option<RoadKey>,
-        start: &StartConfig,
-    ) -> Result<Vec<Refined>> {
-        self.select(&rough.map_from_camera, reach)?;
-        let roads = if road.is_some() { road.as_slice() } else { &self.sight.candidates.roads };
-        self.search.lay_out(rough, self.map, roads, start);
-        let scene = self.sight.scene(&self.config);
-        Ok(self.search.run(&scene, rough, &mut self.associator, start, &self.config))
-    }
-
-    /// What a pose that the search finds beside those that are tracked pays,
-    /// nats: as much as a jump where one was just trusted, for that does not get
-    /// lost within some frames.
-    fn newcomer_cost(&self) -> f64 {
-        let bank = &self.config.bank;
-        let trusted = (-self.unfollowed_s / bank.trust_memory_s.max(f64::MIN_POSITIVE)).exp();
-        bank.newcomer_cost + (bank.jump_cost - bank.newcomer_cost) * trusted
     }
 
     fn speak(&mut self, margin: f64) -> Option<&PoseEstimate> {

@@ -101,6 +101,14 @@ impl Rough {
         }
     }
 
+    /// The same of a camera that sits so much higher, metres.
+    #[must_use]
+    pub fn raised(&self, higher_m: f64) -> Self {
+        let mut raised = *self;
+        raised.map_from_camera.translation.vector.y -= higher_m;
+        raised
+    }
+
     /// How far around its mean a search goes.
     pub fn reach(&self, config: &StartConfig) -> Reach {
         Reach {

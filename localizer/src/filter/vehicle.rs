@@ -240,6 +240,49 @@ mod tests {
         assert!((filter.higher_m - 0.12).abs() < 0.03, "{}", filter.higher_m);
     }
 
+    #[test]
+    fn images_of_a_higher_camera_show_less_of_the_way_and_teach_the_height() {
+        let motion = MotionConfig::default();
+        let config = OdometryConfig { seen_from_m: 1.65, ..OdometryConfig::default() };
+        let mut higher = state();
+        higher.velocity = Tangent::new(0.0, 0.0, 12.0, 0.0, 0.0, 0.0);
+        let mut unaware = higher.clone();
+        higher.higher_m = 0.65;
+        assert!((higher.shown_share(&config) - 1.65 / 2.3).abs() < 1e-12);
+        assert!((higher.shown_share(&OdometryConfig::default()) - 1.0).abs() < 1e-12);
+        // However low, nothing turns round or to infinity.
+        assert!((State { higher_m: -5.0, ..higher.clone() }.shown_share(&config) - 10.0).abs() < 1e-9);
+        let shown = Odometry { speed_m_s: Some(12.0 * 1.65 / 2.3), yaw_rate_rad_s: 0.0 };
+        let driven = higher.driven(0.1, Some(&shown), &motion, &config);
+        assert!((driven.velocity[2] - 12.0).abs() < 0.05 && driven.surprise < 0.1, "{}", driven.velocity[2]);
+        // Who sees where it goes learns from that how high it sits.
+        let mut truth = unaware.map_from_camera;
+        for _ in 0..100 {
+            truth = retract(&truth, &(Tangent::z() * 1.2));
+            unaware = unaware.driven(0.1, Some(&shown), &motion, &config);
+            unaware.update(&truth, &(Matrix6::identity() * 1e-4));
+        }
+        assert!(unaware.higher_m > 0.3, "{}", unaware.higher_m);
+        assert!((unaware.velocity[2] - 12.0).abs() < 0.1, "{}", unaware.velocity[2]);
+    }
+
+    #[test]
+    fn a_camera_that_looks_down_moves_up_in_its_own_axes_for_as_long_as_it_drives() {
+        let motion = MotionConfig::default();
+        let mut filter = state();
+        filter.rest_rad[0] = -0.17;
+        let along = Tangent::new(0.0, -12.0 * 0.17_f64.sin(), 12.0 * 0.17_f64.cos(), 0.0, 0.0, 0.0);
+        filter.velocity = along;
+        let mut truth = filter.map_from_camera;
+        for _ in 0..10 {
+            truth = retract(&truth, &(along * 0.1));
+            filter = filter.predicted(0.1, &motion);
+        }
+        // 12 m further on; in a second the rest is forgotten by a tenth.
+        let off = local(&truth, &filter.map_from_camera);
+        assert!(off[1].abs() < 0.15, "{off}");
+    }
+
     /// One frame of a camera that lies turned by `off` against a level one.
     fn sway(filter: &State, off: &Tangent, motion: &MotionConfig) -> State {
         let mut next = filter.predicted(0.1, motion);

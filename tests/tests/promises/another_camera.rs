@@ -1,7 +1,23 @@
 //! A vehicle with another camera than KITTI's localizes in a map that says
 //! nothing of any camera.
 
+use std::path::Path;
+
+use common::kitti::{read_poses, write_poses};
+
 use crate::support::{build, run, text};
+
+/// Height of the survey's camera, metres.
+const SURVEY_M: f64 = 1.65;
+
+/// The report on a drive that is localized from label images.
+fn localized(map: &Path, drive: &Path, truth: &Path, out: &Path) -> serde_json::Value {
+    let labels = drive.join("sequences/00/labels_2");
+    let words = ["run", "--map", text(map), "--kitti", text(drive), "--sequence", "00", "--labels", text(&labels)];
+    run("localizer", &[&words[..], &["--truth", text(truth), "--out", text(out)]].concat()).ok();
+    let said = run("localizer", &["eval", "--estimate", text(out), "--truth", text(truth), "--json"]).ok();
+    serde_json::from_str(&said).unwrap()
+}
 
 #[test]
 fn a_camera_of_twice_the_pixels_and_another_view_finds_itself_in_the_map() {
@@ -12,11 +28,7 @@ fn a_camera_of_twice_the_pixels_and_another_view_finds_itself_in_the_map() {
     std::fs::write(&config, camera).unwrap();
     run("fixtures", &["generate", "--frames", "60", "--config", text(&config), "--out", text(&drive)]).ok();
     build(&drive, "00", &map, &[]).ok();
-    let (labels, truth) = (drive.join("sequences/00/labels_2"), drive.join("truth/poses.txt"));
-    let words = ["run", "--map", text(&map), "--kitti", text(&drive), "--sequence", "00", "--labels", text(&labels)];
-    run("localizer", &[&words[..], &["--truth", text(&truth), "--out", text(&out)]].concat()).ok();
-    let said = run("localizer", &["eval", "--estimate", text(&out), "--truth", text(&truth), "--json"]).ok();
-    let report: serde_json::Value = serde_json::from_str(&said).unwrap();
+    let report = localized(&map, &drive, &drive.join("truth/poses.txt"), &out);
     let rms_m = report["rms_position_m"].as_f64().unwrap();
     assert!(rms_m < 0.15, "{rms_m} m");
     assert_eq!(report["ok_but_off"].as_u64(), Some(0), "{report}");
@@ -29,4 +41,31 @@ fn a_camera_of_twice_the_pixels_and_another_view_finds_itself_in_the_map() {
     run("localizer", &words).refused(&["1600x900", "1400"]);
     std::fs::write(&config, camera.replace("[1600, 900]", "[1600, 0]")).unwrap();
     run("fixtures", &["generate", "--config", text(&config), "--out", text(&at("none"))]).refused(&["rig.image_px"]);
+}
+
+#[test]
+fn vehicles_with_a_camera_that_sits_lower_or_higher_than_the_surveys_find_themselves() {
+    let root = tempfile::tempdir().unwrap();
+    let at = |name: &str| root.path().join(name);
+    let (survey, map, config) = (at("survey"), at("map.csm"), at("config.toml"));
+    let world = ["generate", "--world", "city", "--frames", "80"];
+    run("fixtures", &[&world[..], &["--out", text(&survey)]].concat()).ok();
+    build(&survey, "00", &map, &[]).ok();
+    for (name, height_m) in [("robot", 0.6), ("bus", 2.6)] {
+        let drive = at(name);
+        std::fs::write(&config, format!("[rig]\nheight_m = {height_m}\n")).unwrap();
+        run("fixtures", &[&world[..], &["--config", text(&config), "--out", text(&drive)]].concat()).ok();
+        // Its poses in the frame of the survey's camera, which stood there.
+        let mut poses = read_poses(drive.join("truth/poses.txt")).unwrap();
+        for pose in &mut poses {
+            pose.translation.vector.y += SURVEY_M - height_m;
+        }
+        let truth = at(&format!("{name}.txt"));
+        write_poses(&truth, &poses).unwrap();
+        let report = localized(&map, &drive, &truth, &at(&format!("{name}_out")));
+        let share = report["share_under_half_metre"].as_f64().unwrap();
+        println!("{name}: {share}, {}", report["rms_position_m"]);
+        assert!(share >= 0.85, "{name}: {share}");
+        assert_eq!(report["ok_but_off"].as_u64(), Some(0), "{report}");
+    }
 }

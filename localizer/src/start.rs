@@ -76,6 +76,9 @@ pub struct StartConfig {
     pub other_heights_m: [f64; 3],
     /// In every so manieth frame of such a search.
     pub other_heights_every: usize,
+    /// After so many frames of it no more: by then it is the map that does not fit, and
+    /// whatever is tried for long fits somewhere by chance.
+    pub other_heights_until: usize,
     /// What a pose of such a height pays, nats.
     pub other_height_cost: f64,
     /// Standard deviation of the survey's path in height along a road, metres:
@@ -117,6 +120,7 @@ impl Default for StartConfig {
             height_above_path_m: 0.0,
             other_heights_m: [-0.9, 0.9, 1.6],
             other_heights_every: 4,
+            other_heights_until: 40,
             other_height_cost: 3.0,
             height_sigma_m: 0.15,
             road_height_sigma_m: 0.06,

@@ -77,11 +77,13 @@ impl Tracker<'_> {
         bank.newcomer_cost + (bank.jump_cost - bank.newcomer_cost) * trusted
     }
 
-    /// Whether a camera of another height is sought, too: now and then while none of the
-    /// survey's height was ever ok.
+    /// Whether a camera of another height is sought, too: now and then in the first seconds
+    /// of a search in which none of the survey's height was ok.
     fn tries_other_heights(&self) -> bool {
-        let every = self.config.start.other_heights_every;
-        !self.verdict.is_some_and(|verdict| verdict.was_ever_ok) && self.searched_frames.is_multiple_of(every)
+        let start = &self.config.start;
+        !self.verdict.is_some_and(|verdict| verdict.was_ever_ok)
+            && self.searched_frames <= start.other_heights_until
+            && self.searched_frames.is_multiple_of(start.other_heights_every)
     }
 }
 

@@ -24,7 +24,6 @@ use localizer::drive::{Drive, Source};
 use localizer::eval::START_FRAMES;
 use localizer::gps::GpsFix;
 use localizer::local_map::LocalMap;
-use localizer::projection::ImageSize;
 use localizer::run::FrameFeatures;
 use localizer::tracker::{FrameInput, Tracker};
 use localizer::vision::labels;
@@ -54,7 +53,6 @@ struct Case {
     config: Config,
     map: SemanticMap,
     drive: Drive,
-    image: ImageSize,
     frames: Vec<FrameFeatures>,
     /// GPS fixes of each start.
     starts: Vec<BTreeMap<usize, GpsFix>>,
@@ -79,7 +77,7 @@ static CASE: LazyLock<Case> = LazyLock::new(|| {
     let frames: Vec<FrameFeatures> = drive.frames.iter().map(look).collect();
     let starts = (0..STARTS).map(|seed| simulated(&frames, &truth, &config, seed).unwrap()).collect();
     let name = format!("{} frames of {sequence}, {} GPS starts", frames.len(), STARTS);
-    Case { name, config, map, image: drive.seen_px(), drive, frames, starts }
+    Case { name, config, map, drive, frames, starts }
 });
 
 /// The label images of KITTI 04; none without the drive and the networks. They
@@ -124,7 +122,7 @@ impl Case {
     /// A localizer in a map that is held for good, a bench being short.
     fn tracker(&self, copies: usize) -> Tracker<'static> {
         let map = Box::leak(Box::new(LocalMap::whole(repeated(&self.map, copies))));
-        Tracker::new(map, &self.drive.camera, self.image, &self.config)
+        Tracker::new(map, &self.drive.camera, self.drive.seen_px(), &self.config)
     }
 
     fn input(&self, start: usize, frame: usize) -> FrameInput<'_> {

@@ -125,17 +125,8 @@ impl Drive {
         check_calibration(&path, taken_px, &camera)?;
         let seen_px = looked_at(taken_px, widest_px);
         let stretch = |seen: usize, taken: usize| seen as f64 / taken as f64;
-        let camera = if seen_px == taken_px {
-            camera
-        } else {
-            camera.stretched(stretch(seen_px.0, taken_px.0), stretch(seen_px.1, taken_px.1))
-        };
+        let camera = camera.stretched(stretch(seen_px.0, taken_px.0), stretch(seen_px.1, taken_px.1));
         Ok(Self { sequence, camera, taken_px, seen_px, times_s, frames })
-    }
-
-    /// Columns and rows of the images as they were taken, pixels.
-    pub fn taken_px(&self) -> (usize, usize) {
-        self.taken_px
     }
 
     /// Columns and rows of the images as they are looked at.
@@ -250,22 +241,22 @@ impl Drive {
 
     /// The odometer for the images of this drive.
     pub fn odometer(&self, config: &Config) -> VisualOdometer {
-        VisualOdometer::new(&self.camera, self.camera_height_m(config), &config.visual_odometry, config.clock.soonest)
+        VisualOdometer::new(
+            &self.camera,
+            config.vision.height_over_road_m(),
+            &config.visual_odometry,
+            config.clock.soonest,
+        )
     }
 
     /// The odometer for its label images.
     pub fn label_odometer(&self, config: &Config) -> VisualOdometer {
         VisualOdometer::of_labels(
             &self.camera,
-            self.camera_height_m(config),
+            config.vision.height_over_road_m(),
             &config.visual_odometry,
             config.clock.soonest,
         )
-    }
-
-    /// The height over the road that the camera is taken to have, metres.
-    pub fn camera_height_m(&self, config: &Config) -> f64 {
-        config.vision.lanes.ground.map_or(config.vision.camera_height_m, |ground| ground.camera_height_m)
     }
 
     /// The settings with the ground that this camera sees, where they do not

@@ -130,7 +130,7 @@ impl Watcher {
         } else {
             (drive.odometer(config), config.visual_odometry.accuracy)
         };
-        accuracy.seen_from_m = drive.camera_height_m(config);
+        accuracy.seen_from_m = config.vision.height_over_road_m();
         let motion = MotionOfImages { log: OdometryLog::default(), accuracy };
         Self { odometer, is_of_labels, motion }
     }

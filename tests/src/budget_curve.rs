@@ -12,7 +12,6 @@ use localizer::gps::simulate;
 use localizer::local_map::LocalMap;
 use localizer::odometry::OdometryLog;
 use localizer::output::Recorded;
-use localizer::projection::ImageSize;
 use localizer::run::{FrameFeatures, Localizer, Method, localize};
 use localizer::vision::network::Runtime;
 use localizer::watch::{Watched, odometry, watch};
@@ -24,7 +23,6 @@ use rand_pcg::Pcg64;
 /// A drive whose images have been looked at, and its true poses.
 pub struct Seen {
     drive: Drive,
-    image: ImageSize,
     frames: Vec<FrameFeatures>,
     motion: OdometryLog,
     truth: Vec<Pose>,
@@ -65,7 +63,7 @@ impl Seen {
             return Err("the drive has no frame with a true pose; give the poses of this drive".to_owned());
         }
         let motion = odometry(None, &motion, &mut config);
-        Ok(Self { image: drive.seen_px(), drive, frames, motion, truth, config })
+        Ok(Self { drive, frames, motion, truth, config })
     }
 
     /// Localizes the drive in a map from so many GPS starts; none where no frame is
@@ -82,7 +80,8 @@ impl Seen {
                 self.frames.iter().take(self.config.gps.simulated_fixes).map(|seen| seen.frame).collect();
             let poses: Vec<Pose> = first.iter().map(|frame| self.truth[*frame]).collect();
             let fixes = first.iter().copied().zip(simulate(&poses, &self.config.gps, seed)).collect();
-            let localizer = Localizer::new(Method::Robust, &mut map, &self.drive.camera, self.image, &self.config);
+            let localizer =
+                Localizer::new(Method::Robust, &mut map, &self.drive.camera, self.drive.seen_px(), &self.config);
             let results = localize(&self.frames, &fixes, &self.motion, localizer).map_err(|error| error.to_string())?;
             let scored: Vec<Recorded> = results.iter().skip(START_FRAMES).map(Recorded::from).collect();
             errors.extend(score(&scored, &truth, &[]).into_iter().flat_map(|report| report.errors));

@@ -151,7 +151,7 @@ impl LookArgs {
         let odometry = odometry(wheels, &input.motion, &mut config);
         let mut frames = input.frames;
         frames.retain(|seen| seen.frame < truth.len());
-        let (camera, image) = (input.drive.camera, input.image);
+        let (camera, image) = (input.drive.camera, input.drive.seen_px());
         let method = Method::Robust;
         Ok(Trial { map, camera, image, frames, fixes, odometry, images, truth, config, method })
     }

@@ -46,8 +46,9 @@ impl PinholeCamera {
         Self {
             fx_px: self.fx_px * across,
             fy_px: self.fy_px * down,
-            cx_px: (self.cx_px + 0.5) * across - 0.5,
-            cy_px: (self.cy_px + 0.5) * down - 0.5,
+            // Half a pixel right of the edge, before and after; not a bit off where nothing is stretched.
+            cx_px: self.cx_px * across + 0.5 * (across - 1.0),
+            cy_px: self.cy_px * down + 0.5 * (down - 1.0),
             ..*self
         }
     }
@@ -150,6 +151,7 @@ mod tests {
             ((uv + corner).coords.component_mul(&nalgebra::Vector2::new(0.5, 0.25)) - corner - stretched.coords).norm()
                 < 1e-9
         );
+        assert_eq!(camera().stretched(1.0, 1.0), camera());
         let back = camera().stretched(0.5, 0.25).stretched(2.0, 4.0);
         assert!((back.projection() - camera().projection()).norm() < 1e-9);
     }

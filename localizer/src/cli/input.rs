@@ -12,7 +12,6 @@ use crate::drive::{Drive, Seen, Source};
 use crate::gps::{self, FixFile, GpsFix, simulate};
 use crate::local_map::LocalMap;
 use crate::odometry::OdometryLog;
-use crate::projection::ImageSize;
 use crate::run::FrameFeatures;
 use crate::vision::network::Runtime;
 use crate::watch::{MotionOfImages, Watched, watch};
@@ -60,8 +59,6 @@ pub struct Input {
     pub map: LocalMap,
     /// The drive.
     pub drive: Drive,
-    /// Size of its images as they are looked at.
-    pub image: ImageSize,
     /// What its frames show.
     pub frames: Vec<FrameFeatures>,
     /// How it moved, as its images say.
@@ -122,7 +119,7 @@ impl InputArgs {
         })?;
         bar.finish_and_clear();
         let Watched { frames, motion } = watched;
-        Ok(Input { map, image: drive.seen_px(), drive, frames, motion })
+        Ok(Input { map, drive, frames, motion })
     }
 
     /// The true poses of all frames of the drive.

@@ -81,7 +81,7 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
         Some(path) => read_fixes(&input, path, &config)?,
         None => simulated(&input.frames, &args.input.true_poses(&input.drive)?, &config, args.gps_seed)?,
     };
-    let localizer = Localizer::new(args.method, &mut input.map, &input.drive.camera, input.image, &config);
+    let localizer = Localizer::new(args.method, &mut input.map, &input.drive.camera, input.drive.seen_px(), &config);
     let results = localize(&input.frames, &fixes, &odometry, localizer)?;
     if results.is_empty() {
         // What was there stays.
@@ -150,7 +150,7 @@ fn shapes(input: &mut Input, config: &Config, result: &FrameResult) -> Result<Ve
     let pose = &result.estimate.map_from_camera;
     let view = View::new(camera, pose);
     input.map.next_frame()?;
-    let lookup = Lookup { map: &mut input.map, camera, image: input.image, config: &config.preselect };
+    let lookup = Lookup { map: &mut input.map, camera, image: input.drive.seen_px(), config: &config.preselect };
     let mut candidates = Candidates::default();
     lookup.select(pose, &Reach { position_m: 0.0, angle_rad: 0.0 }, &mut candidates)?;
     let mut shapes = Vec::new();

@@ -86,6 +86,8 @@ fn a_camera_with_more_pixels_is_looked_at_as_networks_do() {
     let config = folder.path().join("as_taken.toml");
     std::fs::write(&config, "[vision]\nwidest_px = 10000\n").unwrap();
     assert!(run_words(&format!("run {drive} --config {} --gps-seed 3 --out {at}/large", config.display())).unwrap());
+    let estimates = |out: &str| std::fs::read(folder.path().join(out).join("estimates.csv")).unwrap();
+    assert_ne!(estimates("out"), estimates("large"));
 }
 
 #[test]

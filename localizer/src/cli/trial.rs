@@ -92,7 +92,7 @@ fn localize_once(
     seed: u64,
 ) -> Result<Draw> {
     let fixes = simulated(&input.frames, truth, config, seed)?;
-    let localizer = Localizer::new(method, &mut input.map, &input.drive.camera, input.image, config);
+    let localizer = Localizer::new(method, &mut input.map, &input.drive.camera, input.drive.seen_px(), config);
     let results = localize(&input.frames, &fixes, odometry, localizer)?;
     let scored = results.get(START_FRAMES.min(results.len())..).unwrap_or(&[]);
     let recorded: Vec<Recorded> = scored.iter().map(Recorded::from).collect();

@@ -30,22 +30,16 @@ impl Tracker<'_> {
         self.map.roads_near(&position, self.config.start.path_reach_m, &mut self.sight.candidates.roads)?;
         let rough = region::rough_of(&region, self.map, &self.sight.candidates.roads, &self.config);
         let start = self.config.start;
-        let found = self.search_around(&rough, &rough.reach(&start), None, &start)?;
         let handicap = if self.bank.is_empty() { 0.0 } else { self.newcomer_cost() };
         // What is hidden from the best was hidden from the others, too.
         let past_weight = self.bank.first().map_or(0.0, |best| best.past_weight.min(0.0));
-        for refined in found {
-            self.add(Hypothesis::found(&refined, &region, past_weight, handicap));
-        }
         self.searched_frames += 1;
-        if self.tries_other_heights() {
-            for higher_m in start.other_heights_m {
-                let (region, rough) = (raised(&region, higher_m), rough.raised(higher_m));
-                let found = self.search_around(&rough, &rough.reach(&start), None, &start)?;
-                for refined in found {
-                    let handicap = handicap + start.other_height_cost;
-                    self.add(Hypothesis::found(&refined, &region, past_weight, handicap));
-                }
+        let others: &[f64] = if self.tries_other_heights() { &start.other_heights_m } else { &[] };
+        let others = others.iter().map(|&higher_m| (higher_m, start.other_height_cost));
+        for (higher_m, cost) in std::iter::once((0.0, 0.0)).chain(others) {
+            let (region, rough) = (raised(&region, higher_m), rough.raised(higher_m));
+            for refined in self.search_around(&rough, &rough.reach(&start), None, &start)? {
+                self.add(Hypothesis::found(&refined, &region, past_weight, handicap + cost));
             }
         }
         self.sort();

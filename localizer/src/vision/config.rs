@@ -27,6 +27,13 @@ pub struct VisionConfig {
     pub marks: MarkConfig,
 }
 
+impl VisionConfig {
+    /// The height over the road that the camera is taken to have, metres.
+    pub fn height_over_road_m(&self) -> f64 {
+        self.lanes.ground.map_or(self.camera_height_m, |ground| ground.camera_height_m)
+    }
+}
+
 impl Default for VisionConfig {
     fn default() -> Self {
         Self {

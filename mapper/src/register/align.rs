@@ -126,14 +126,17 @@ fn accumulate<'a>(
     same_plane_cos: f64,
 ) -> Normal {
     let rotation = *pose.rotation.to_rotation_matrix().matrix();
-    let back = rotation.transpose();
+    let (back, up) = (rotation.transpose(), rotation.column(2).into_owned());
     let mut sum = Normal::zero();
     for (ScanSurface { surface }, last) in scan.iter().zip(targets) {
         let moved = Point3::from(rotation * surface.mean.coords + pose.translation.vector);
         let Some(target) = map.surface_again(&moved, last) else { continue };
-        if let (Some(a), Some(b)) = (surface.normal, target.normal)
-            && (rotation * a).dot(&b).abs() < same_plane_cos
-        {
+        let tells = match (surface.normal, target.normal) {
+            (Some(a), Some(b)) => (rotation * a).dot(&b).abs() >= same_plane_cos,
+            (None, Some(_)) => true,
+            (_, None) => target.is_rod_across_beams(&(moved.coords - pose.translation.vector), &up),
+        };
+        if !tells {
             continue;
         }
         sum.matched += 1;
@@ -255,5 +258,42 @@ mod tests {
         assert!(off.fixed_rows::<3>(0).norm() < 0.01, "{off}");
         assert!(off.fixed_rows::<3>(3).norm() < 5e-4, "{off}");
         assert!(found.rms_m < found.first_rms_m && found.overlap > 0.8);
+    }
+
+    /// What a lidar of 16 beams sees from 1.7 m over rough ground, at `x_m` along a road with
+    /// a post every 9 m, in its own frame.
+    fn scan_of_few_beams(x_m: f64) -> Vec<Point3<f64>> {
+        let rough = |x: f64, y: f64| 0.01 * ((7.1 * x).sin() + (5.3 * y).sin());
+        let hit = |beam: u32, around: f64| {
+            let (sin, cos) = around.sin_cos();
+            let rise = (f64::from(beam) * 2.0 - 15.0).to_radians().tan();
+            let ground_m = if rise < 0.0 { -1.7 / rise } else { 60.0 };
+            // The nearest post that the ray passes within 8 cm.
+            let post = |i: i32| {
+                let (x, y) = (9.0 * f64::from(i) - x_m, if i % 2 == 0 { 5.0 } else { -6.0 });
+                let along = x * cos + y * sin;
+                ((x * sin - y * cos).abs() < 0.08 && along > 0.0).then_some(along - 0.08)
+            };
+            let post_m = (-4..8).filter_map(post).fold(60.0, f64::min);
+            let level_m = ground_m.min(post_m);
+            let (x, y) = (level_m * cos, level_m * sin);
+            let z = if post_m < ground_m { rise * level_m } else { -1.7 + rough(x + x_m, y) };
+            (level_m < 59.0 && z < 4.0).then(|| Point3::new(x, y, z))
+        };
+        (0..16).flat_map(|beam| (0..1800).filter_map(move |i| hit(beam, f64::from(i) * 0.00349))).collect()
+    }
+
+    #[test]
+    fn what_single_beams_leave_on_the_ground_does_not_hold_a_scan_back() {
+        let config = AlignConfig::default();
+        let cells = |x_m: f64| voxel_moments(scan_of_few_beams(x_m), config.scan_voxel_m);
+        let mut map = LocalMap::new(config.map_voxel_m, 10, config.surface);
+        for (scan, x_m) in [0.0, 4.0, 8.0].into_iter().enumerate() {
+            map.insert(scan, &cells(x_m), &Pose::translation(x_m, 0.0, 0.0));
+        }
+        let scan = scan_surfaces(&cells(12.0), &config.surface);
+        let found = align(&map, &scan, &Pose::translation(12.1, 0.0, 0.0), &config);
+        let off_m = found.map_from_velodyne.translation.vector.x - 12.0;
+        assert!(off_m.abs() < 0.02, "{off_m}");
     }
 }

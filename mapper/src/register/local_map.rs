@@ -25,6 +25,10 @@ pub struct Surface {
     pub normal: Option<Vector3<f64>>,
 }
 
+/// Cosine of the largest angle between a rod and the way on which the beams of a lidar rise
+/// from one to the next: 60 degrees.
+const ACROSS_BEAMS_COS: f64 = 0.5;
+
 /// What counts as a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -87,6 +91,16 @@ impl Surface {
     /// Those of the constrained directions that are any: one of a plane.
     pub fn normals(&self) -> &[Vector3<f64>] {
         if self.normal.is_some() { &self.constrained[..1] } else { &self.constrained }
+    }
+
+    /// Whether it is a rod along which one beam after the other lies, seen along `view` by a
+    /// lidar that turns about `up` (unit length). Where the beams are farther apart than voxels
+    /// are wide, what a single one leaves on the ground or on a wall is as thin as a rod, and
+    /// would hold the scan back: it moves with the sensor.
+    pub fn is_rod_across_beams(&self, view: &Vector3<f64>, up: &Vector3<f64>) -> bool {
+        let rod = self.constrained[0].cross(&self.constrained[1]);
+        let rising = up * view.norm_squared() - view * up.dot(view);
+        rod.dot(&rising).abs() >= ACROSS_BEAMS_COS * rising.norm()
     }
 
     /// Squared distance of a point, metres^2.

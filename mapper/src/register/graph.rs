@@ -67,6 +67,13 @@ pub struct GraphConfig {
     pub revisit_sigma_m: f64,
     /// The same, radians per axis.
     pub revisit_sigma_rad: f64,
+    /// Directions in which a scan, laid on those before it, is known so many times less
+    /// accurately than the survey's motion are weak: there, few surfaces stand against the
+    /// pattern of the beams, and the survey holds the scan before the next are laid on it.
+    pub weak_times: f64,
+    /// Scale of the Cauchy weight with which it does, in standard deviations of both: a survey
+    /// that lost its satellites is off by more at every step.
+    pub weak_sigmas: f64,
     /// Scale of the Cauchy weight on the survey's positions and on revisits,
     /// in standard deviations: where survey and scans contradict each other,
     /// the scans decide, for the map is made of scans. Steps that contradict
@@ -88,6 +95,8 @@ impl Default for GraphConfig {
             misalignment_sigma_rad: 0.01,
             revisit_sigma_m: 0.02,
             revisit_sigma_rad: 1e-3,
+            weak_times: 2.0,
+            weak_sigmas: 2.0,
             robust_sigmas: 3.0,
         }
     }
@@ -139,7 +148,7 @@ fn motion_weight(information: &Matrix6<f64>, floor: [f64; 2], config: &GraphConf
     (covariance + floor).try_inverse().unwrap_or_else(Matrix6::zeros)
 }
 
-fn cauchy(squared_sigmas: f64, robust_sigmas: f64) -> f64 {
+pub(super) fn cauchy(squared_sigmas: f64, robust_sigmas: f64) -> f64 {
     1.0 / (1.0 + squared_sigmas / robust_sigmas.powi(2))
 }
 

@@ -10,6 +10,7 @@ mod refine;
 mod revisits;
 mod search;
 mod vertical_angle;
+mod weak;
 
 pub use align::{AlignConfig, Alignment, ScanSurface, align, scan_surfaces};
 pub use graph::{GraphConfig, Motion, Refined, Revisit, refine_poses, squared_sigmas};

@@ -7,9 +7,11 @@ use common::geometry::Pose;
 use nalgebra::Matrix6;
 use rayon::prelude::*;
 
+use super::RefineConfig;
 use super::align::{AlignConfig, Alignment, ScanSurface, align, scan_surfaces};
 use super::graph::Motion;
 use super::local_map::LocalMap;
+use super::weak::held_by_survey;
 use crate::drive::Drive;
 use crate::error::Result;
 use crate::scan::{position, raised};
@@ -82,14 +84,14 @@ pub(super) fn odometry(
     drive: &Drive,
     frames: &[usize],
     angle_rad: f64,
-    config: &AlignConfig,
+    config: &RefineConfig,
     known: &KnownCells,
 ) -> Result<Odometry> {
     let prepare = |frame: &usize| {
         if let Some(scan) = known.get(frame) {
             return Ok(Cow::Borrowed(scan));
         }
-        let mut scan = ScanCells::read(drive, *frame, config)?;
+        let mut scan = ScanCells::read(drive, *frame, &config.align)?;
         scan.raise(angle_rad);
         Ok(Cow::Owned(scan))
     };
@@ -112,7 +114,7 @@ pub(super) fn odometry(
 /// The scans registered so far.
 struct Registered<'a> {
     drive: &'a Drive,
-    config: &'a AlignConfig,
+    config: &'a RefineConfig,
     map: LocalMap,
     scans: usize,
     last: Option<(usize, Pose)>,
@@ -120,8 +122,9 @@ struct Registered<'a> {
 }
 
 impl<'a> Registered<'a> {
-    fn new(drive: &'a Drive, config: &'a AlignConfig) -> Self {
-        let map = LocalMap::new(config.map_voxel_m, config.keep_scans, config.surface);
+    fn new(drive: &'a Drive, config: &'a RefineConfig) -> Self {
+        let AlignConfig { map_voxel_m, keep_scans, surface, .. } = config.align;
+        let map = LocalMap::new(map_voxel_m, keep_scans, surface);
         let odometry = Odometry { motions: Vec::new(), rms_given_m: 0.0, rms_refined_m: 0.0 };
         Self { drive, config, map, scans: 0, last: None, odometry }
     }
@@ -139,8 +142,8 @@ impl<'a> Registered<'a> {
                     * survey[before].inverse()
                     * survey[frame]
                     * camera_from_velodyne;
-                let found = align(&self.map, &scan.surfaces, &guess, self.config);
-                let (pose, information) = told(&found, &guess, self.config);
+                let found = align(&self.map, &scan.surfaces, &guess, &self.config.align);
+                let (pose, information) = told(&found, &guess, &self.config.align);
                 // The normal matrix is in the tangent of the Velodyne frame.
                 let tangent = adjoint(&velodyne_from_camera);
                 self.odometry.motions.push(Motion {
@@ -149,7 +152,7 @@ impl<'a> Registered<'a> {
                 });
                 self.odometry.rms_given_m += found.first_rms_m.powi(2);
                 self.odometry.rms_refined_m += found.rms_m.powi(2);
-                pose
+                held_by_survey(&pose, &information, &guess, &self.config.graph)
             }
         };
         self.map.insert(self.scans, &scan.cells, &pose);

@@ -80,7 +80,7 @@ impl Registration {
 /// A scan that cannot be read.
 pub fn refine(drive: &Drive, config: &RefineConfig) -> Result<Registration> {
     let (angle, known) = vertical_angle(drive, config)?;
-    let found = odometry(drive, &drive.frames, angle, &config.align, &known)?;
+    let found = odometry(drive, &drive.frames, angle, config, &known)?;
     let survey: Vec<Pose> = drive.frames.iter().map(|f| drive.survey[*f]).collect();
     let mut refined = refine_poses(&survey, &found.motions, &[], &config.graph);
     let (mut ties, mut revisits) = find_revisits(drive, &refined.map_from_camera, &found.motions, angle, config)?;

@@ -103,7 +103,7 @@ pub(super) fn vertical_angle(drive: &Drive, config: &RefineConfig) -> Result<(f6
         frames.par_iter().map(|f| Ok((*f, ScanCells::read(drive, *f, &config.align)?))).collect();
     let mut known = read.into_iter().collect::<Result<KnownCells>>()?;
     let trial = |angle, raised: &KnownCells| -> Result<Vec<f64>> {
-        let found = odometry(drive, frames, angle, &config.align, raised)?;
+        let found = odometry(drive, frames, angle, config, raised)?;
         Ok(pitch_differences(drive, frames, &found.motions))
     };
     let (none, some) = rayon::join(|| trial(0.0, &known), || trial(TRIAL_RAD, &raised(known.clone(), TRIAL_RAD)));

@@ -120,10 +120,7 @@ pub(super) fn ends_fence(cloud: &Cloud, pole: &FittedPole, config: &PoleConfig) 
         .collect();
     beside.sort_by_key(|hit| hit.0);
     ways().any(|way| {
-        // Pieces that one scan and that two have seen: what passes by is seen
-        // once at each place, its side as rows with gaps between them.
-        let (mut once, mut twice) = (vec![0_u32; layers + 1], vec![0_u32; layers + 1]);
-        for of_scan in beside.chunk_by(|a, b| a.0 == b.0) {
+        let seen_by = |of_scan: &[(u16, usize, Vector2<f64>)]| {
             let mut seen = vec![0_u32; layers + 1];
             for (_, layer, off) in of_scan {
                 let along = off.dot(&way) - from_m;
@@ -135,14 +132,32 @@ pub(super) fn ends_fence(cloud: &Cloud, pole: &FittedPole, config: &PoleConfig) 
                     seen[layer + 1] |= piece;
                 }
             }
-            for ((once, twice), seen) in once.iter_mut().zip(&mut twice).zip(seen) {
-                *twice |= *once & seen;
-                *once |= seen;
-            }
-        }
+            seen
+        };
+        let (once, twice) = witnessed(beside.chunk_by(|a, b| a.0 == b.0).map(seen_by), layers + 1, config);
         rails_above_each_other(&once, &twice, config) >= 2
             || carries_top_rail(&once, &twice, (pole.top_height_m - low_m).max(0.0), config)
     })
+}
+
+/// The pieces of each layer that one scan and that two have seen, from those of each scan. What
+/// passes by is seen once at each place, its side as rows with gaps between them. Of few beams
+/// no two need meet the same pieces: where two scans saw half of a rail each, they saw all of it.
+fn witnessed(scans: impl Iterator<Item = Vec<u32>>, layers: usize, config: &PoleConfig) -> (Vec<u32>, Vec<u32>) {
+    let (mut once, mut twice, mut halves) = (vec![0_u32; layers], vec![0_u32; layers], vec![0_u32; layers]);
+    for scan in scans {
+        for (((once, twice), halves), seen) in once.iter_mut().zip(&mut twice).zip(&mut halves).zip(scan) {
+            *twice |= *once & seen;
+            *once |= seen;
+            *halves += u32::from(2.0 * PIECE_M * f64::from(seen.count_ones()) >= config.rail_m);
+        }
+    }
+    for ((once, twice), halves) in once.iter().zip(&mut twice).zip(halves) {
+        if halves >= 2 {
+            *twice = *once;
+        }
+    }
+    (once, twice)
 }
 
 /// The rails among the layers of one way, from below: runs of layers with a
@@ -201,6 +216,15 @@ pub(super) fn in_fences(poles: &[&FittedPole], config: &PoleConfig) -> Vec<bool>
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn two_scans_that_saw_half_of_a_rail_each_saw_all_of_it() {
+        let twice = |scans: &[u32]| witnessed(scans.iter().map(|scan| vec![*scan]), 1, &PoleConfig::default()).1[0];
+        assert_eq!(twice(&[0b1_0101, 0b0_1110]), 0b1_1111);
+        // One scan of something that passes by, and a stray of another.
+        assert_eq!(twice(&[0b1_1111, 0b0_0100]), 0b0_0100);
+        assert_eq!(twice(&[0b1_1111]), 0);
+    }
 
     #[test]
     fn an_upper_rail_goes_out_from_the_top_of_its_post_and_is_open_below() {

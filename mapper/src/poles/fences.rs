@@ -134,7 +134,7 @@ pub(super) fn ends_fence(cloud: &Cloud, pole: &FittedPole, config: &PoleConfig) 
             }
             seen
         };
-        let (once, twice) = witnessed(beside.chunk_by(|a, b| a.0 == b.0).map(seen_by), layers + 1, config);
+        let (once, twice) = witnessed(beside.chunk_by(|a, b| a.0 == b.0).map(seen_by), layers + 1, pole.scans, config);
         rails_above_each_other(&once, &twice, config) >= 2
             || carries_top_rail(&once, &twice, (pole.top_height_m - low_m).max(0.0), config)
     })
@@ -142,8 +142,14 @@ pub(super) fn ends_fence(cloud: &Cloud, pole: &FittedPole, config: &PoleConfig) 
 
 /// The pieces of each layer that one scan and that two have seen, from those of each scan. What
 /// passes by is seen once at each place, its side as rows with gaps between them. Of few beams
-/// no two need meet the same pieces: where two scans saw half of a rail each, they saw all of it.
-fn witnessed(scans: impl Iterator<Item = Vec<u32>>, layers: usize, config: &PoleConfig) -> (Vec<u32>, Vec<u32>) {
+/// no two need meet the same pieces: where two scans, and a quarter of those of the post, saw half
+/// of a rail each, they saw all of it.
+fn witnessed(
+    scans: impl Iterator<Item = Vec<u32>>,
+    layers: usize,
+    scans_of_post: usize,
+    config: &PoleConfig,
+) -> (Vec<u32>, Vec<u32>) {
     let (mut once, mut twice, mut halves) = (vec![0_u32; layers], vec![0_u32; layers], vec![0_u32; layers]);
     for scan in scans {
         for (((once, twice), halves), seen) in once.iter_mut().zip(&mut twice).zip(&mut halves).zip(scan) {
@@ -153,7 +159,7 @@ fn witnessed(scans: impl Iterator<Item = Vec<u32>>, layers: usize, config: &Pole
         }
     }
     for ((once, twice), halves) in once.iter().zip(&mut twice).zip(halves) {
-        if halves >= 2 {
+        if halves >= 2 && 4 * halves as usize >= scans_of_post {
             *twice = *once;
         }
     }
@@ -219,11 +225,14 @@ mod tests {
 
     #[test]
     fn two_scans_that_saw_half_of_a_rail_each_saw_all_of_it() {
-        let twice = |scans: &[u32]| witnessed(scans.iter().map(|scan| vec![*scan]), 1, &PoleConfig::default()).1[0];
-        assert_eq!(twice(&[0b1_0101, 0b0_1110]), 0b1_1111);
-        // One scan of something that passes by, and a stray of another.
-        assert_eq!(twice(&[0b1_1111, 0b0_0100]), 0b0_0100);
-        assert_eq!(twice(&[0b1_1111]), 0);
+        let twice = |scans: &[u32], scans_of_post: usize| {
+            witnessed(scans.iter().map(|scan| vec![*scan]), 1, scans_of_post, &PoleConfig::default()).1[0]
+        };
+        assert_eq!(twice(&[0b1_0101, 0b0_1110], 8), 0b1_1111);
+        // Two that pass by what is seen all along, one, and a stray of another.
+        assert_eq!(twice(&[0b1_0101, 0b0_1110], 9), 0b0_0100);
+        assert_eq!(twice(&[0b1_1111, 0b0_0100], 8), 0b0_0100);
+        assert_eq!(twice(&[0b1_1111], 1), 0);
     }
 
     #[test]

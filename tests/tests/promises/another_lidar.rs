@@ -45,3 +45,24 @@ fn scans_say_which_lidar_took_them_and_the_map_is_as_good() {
     let said = build(&drive, "00", &map, &["--config", text(&config)]).ok();
     assert!(!said.contains("another lidar"), "{said}");
 }
+
+#[test]
+fn sixteen_beams_do_not_hold_the_survey_back() {
+    let root = tempfile::tempdir().unwrap();
+    let file = |name: &str| root.path().join(name);
+    let (drive, map, config, poses) = (file("drive"), file("map.csm"), file("config.toml"), file("poses.txt"));
+    let lidar = "[lidar]\nbeams = 16\nfrom_to_deg = [-15.0, 15.0]\ncolumns = 1800\nvertical_error_deg = 0.0\n";
+    std::fs::write(&config, lidar).unwrap();
+    let words = ["generate", "--frames", "40", "--scan-every", "1", "--config", text(&config), "--out", text(&drive)];
+    run("fixtures", &words).ok();
+    build(&drive, "00", &map, &["--every", "1", "--trajectory", text(&poses)]).ok();
+
+    // The survey is right to 2 cm; what single beams leave on the ground and on hedges moves
+    // with the lidar.
+    let (found, exact) = (read_poses(&poses).unwrap(), read_poses(drive.join("truth/poses.txt")).unwrap());
+    let way_m = |poses: &[common::geometry::Pose]| -> Vec<f64> {
+        poses.windows(2).map(|pair| (pair[1].translation.vector - pair[0].translation.vector).norm()).collect()
+    };
+    let off_m: Vec<f64> = way_m(&found).iter().zip(way_m(&exact)).map(|(found, exact)| found - exact).collect();
+    assert!(off_m.len() == 39 && off_m.iter().all(|off_m| off_m.abs() < 0.1), "{off_m:?}");
+}

@@ -18,7 +18,11 @@ pub(super) fn held_by_survey(laid: &Pose, information: &Matrix6<f64>, surveyed: 
         Tangent::from_fn(|i, _| if i < 3 { config.survey_motion_sigma_m } else { config.survey_motion_sigma_rad });
     let scale = Matrix6::from_diagonal(&sigmas);
     // In standard deviations of the survey: its own information is 1 in every direction.
-    let scaled = (scale * information * scale / config.motion_inflation.powi(2)).symmetric_eigen();
+    let scaled = scale * information * scale / config.motion_inflation.powi(2);
+    if !scaled.iter().all(|value| value.is_finite()) {
+        return *laid;
+    }
+    let scaled = scaled.symmetric_eigen();
     let known = scaled.eigenvalues.map(|value| value.max(f64::MIN_POSITIVE));
     let off = scaled.eigenvectors.tr_mul(&local(laid, surveyed).component_div(&sigmas));
     let squared_sigmas = off.zip_map(&known, |off, known| off.powi(2) / (1.0 + known.recip())).sum();
@@ -32,8 +36,8 @@ pub(super) fn held_by_survey(laid: &Pose, information: &Matrix6<f64>, surveyed: 
 mod tests {
     use super::*;
 
-    /// Where a scan goes that was laid 0.5 m off the survey to all sides, known to so much
-    /// along x, y and z before inflation, and well turned.
+    /// Where a scan goes that was laid so far off the survey along x, y and z, known to so much
+    /// along these, and well turned.
     fn held(sigmas_m: [f64; 3], off_m: f64) -> [f64; 3] {
         let config = GraphConfig { motion_inflation: 1.0, ..GraphConfig::default() };
         let known = Tangent::from_fn(|i, _| sigmas_m.get(i).map_or(1e8, |sigma_m| sigma_m.powi(-2)));
@@ -53,5 +57,12 @@ mod tests {
         let near = held([0.1, 0.01, 0.01], 0.1)[0] / 0.1;
         let far = held([0.1, 0.01, 0.01], 3.0)[0] / 3.0;
         assert!(near > 0.5 && far < 0.05, "{near} {far}");
+    }
+
+    #[test]
+    fn what_is_no_number_holds_nothing() {
+        let (laid, config) = (Pose::translation(1.0, 0.0, 0.0), GraphConfig::default());
+        let held = held_by_survey(&laid, &Matrix6::from_element(f64::NAN), &Pose::identity(), &config);
+        assert_eq!(held, laid);
     }
 }

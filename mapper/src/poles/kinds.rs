@@ -39,7 +39,7 @@ pub struct TreeConfig {
     /// and to 4.5 m over carriageways.
     pub bare_m: f64,
     /// What it takes away that no crown is seen, nats: of half of the trees none
-    /// is.
+    /// is, the logarithm of 2.
     pub no_crown: f64,
     /// What sheeting takes away, nats: reflectors are nailed to few trees. The
     /// radius then tells nothing, for a plate makes its post look thick, nor does
@@ -78,7 +78,7 @@ impl Default for TreeConfig {
             tree_lean_rad: 0.035,
             most_of_lean: 3.0,
             bare_m: 3.8,
-            no_crown: 0.8,
+            no_crown: 0.69,
             sheeting: 5.0,
             reach_of_others_m: 0.5,
             widest_board_m: 2.0,

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use common::kitti::{read_poses, write_poses};
 
-use crate::support::{build, run, text};
+use crate::support::{build, generate, run, text};
 
 /// Height of the survey's camera, metres.
 const SURVEY_M: f64 = 1.65;
@@ -23,10 +23,9 @@ fn localized(map: &Path, drive: &Path, truth: &Path, out: &Path) -> serde_json::
 fn a_camera_of_twice_the_pixels_and_another_view_finds_itself_in_the_map() {
     let root = tempfile::tempdir().unwrap();
     let at = |name: &str| root.path().join(name);
-    let (drive, map, config, out) = (at("drive"), at("map.csm"), at("config.toml"), at("out"));
+    let (drive, map, out) = (at("drive"), at("map.csm"), at("out"));
     let camera = "[rig]\nimage_px = [1600, 900]\nfocal_px = 1266.0\nprincipal_px = [816.0, 491.0]\n";
-    std::fs::write(&config, camera).unwrap();
-    run("fixtures", &["generate", "--frames", "60", "--config", text(&config), "--out", text(&drive)]).ok();
+    generate(&drive, camera, &["--frames", "60"]).ok();
     build(&drive, "00", &map, &[]).ok();
     let report = localized(&map, &drive, &drive.join("truth/poses.txt"), &out);
     let rms_m = report["rms_position_m"].as_f64().unwrap();
@@ -34,27 +33,24 @@ fn a_camera_of_twice_the_pixels_and_another_view_finds_itself_in_the_map() {
     assert_eq!(report["ok_but_off"].as_u64(), Some(0), "{report}");
 
     // Images of another camera than the one that the calibration is of are refused.
-    std::fs::write(&config, camera.replace("816.0", "1400.0")).unwrap();
-    run("fixtures", &["generate", "--frames", "2", "--config", text(&config), "--out", text(&at("aside"))]).ok();
+    generate(&at("aside"), &camera.replace("816.0", "1400.0"), &["--frames", "2"]).ok();
     let (aside, labels) = (at("aside"), at("aside").join("sequences/00/labels_2"));
     let words = ["motion", "--kitti", text(&aside), "--sequence", "00", "--labels", text(&labels)];
     run("localizer", &words).refused(&["1600x900", "1400"]);
-    std::fs::write(&config, camera.replace("[1600, 900]", "[1600, 0]")).unwrap();
-    run("fixtures", &["generate", "--config", text(&config), "--out", text(&at("none"))]).refused(&["rig.image_px"]);
+    generate(&at("none"), &camera.replace("[1600, 900]", "[1600, 0]"), &[]).refused(&["rig.image_px"]);
 }
 
 #[test]
 fn vehicles_with_a_camera_that_sits_lower_or_higher_than_the_surveys_find_themselves() {
     let root = tempfile::tempdir().unwrap();
     let at = |name: &str| root.path().join(name);
-    let (survey, map, config) = (at("survey"), at("map.csm"), at("config.toml"));
-    let world = ["generate", "--world", "city", "--frames", "80"];
-    run("fixtures", &[&world[..], &["--out", text(&survey)]].concat()).ok();
+    let (survey, map) = (at("survey"), at("map.csm"));
+    let world = ["--world", "city", "--frames", "80"];
+    generate(&survey, "", &world).ok();
     build(&survey, "00", &map, &[]).ok();
     for (name, height_m) in [("robot", 0.6), ("bus", 2.6)] {
         let drive = at(name);
-        std::fs::write(&config, format!("[rig]\nheight_m = {height_m}\n")).unwrap();
-        run("fixtures", &[&world[..], &["--config", text(&config), "--out", text(&drive)]].concat()).ok();
+        generate(&drive, &format!("[rig]\nheight_m = {height_m}\n"), &world).ok();
         // Its poses in the frame of the survey's camera, which stood there.
         let mut poses = read_poses(drive.join("truth/poses.txt")).unwrap();
         for pose in &mut poses {

@@ -5,7 +5,7 @@ use std::path::Path;
 use common::kitti::read_poses;
 use waymark_tests::map_score::{MapScore, score};
 
-use crate::support::{build, run, text};
+use crate::support::{build, generate, text};
 
 /// What lies farther from the path does not count, metres.
 const BESIDE_PATH_M: f64 = 12.0;
@@ -22,9 +22,7 @@ fn scans_say_which_lidar_took_them_and_the_map_is_as_good() {
     let (drive, map, config) =
         (root.path().join("drive"), root.path().join("map.csm"), root.path().join("config.toml"));
     let lidar = "[lidar]\nbeams = 48\nfrom_to_deg = [-24.0, 16.0]\ncolumns = 1800\nvertical_error_deg = 0.0\n";
-    std::fs::write(&config, lidar).unwrap();
-    let words = ["generate", "--frames", "100", "--scan-every", "5", "--config", text(&config), "--out", text(&drive)];
-    run("fixtures", &words).ok();
+    generate(&drive, lidar, &["--frames", "100", "--scan-every", "5"]).ok();
 
     let said = build(&drive, "00", &map, &[]).ok();
     let note = said.lines().find(|line| line.contains("another lidar")).unwrap();
@@ -50,11 +48,9 @@ fn scans_say_which_lidar_took_them_and_the_map_is_as_good() {
 fn sixteen_beams_do_not_hold_the_survey_back() {
     let root = tempfile::tempdir().unwrap();
     let file = |name: &str| root.path().join(name);
-    let (drive, map, config, poses) = (file("drive"), file("map.csm"), file("config.toml"), file("poses.txt"));
+    let (drive, map, poses) = (file("drive"), file("map.csm"), file("poses.txt"));
     let lidar = "[lidar]\nbeams = 16\nfrom_to_deg = [-15.0, 15.0]\ncolumns = 1800\nvertical_error_deg = 0.0\n";
-    std::fs::write(&config, lidar).unwrap();
-    let words = ["generate", "--frames", "40", "--scan-every", "1", "--config", text(&config), "--out", text(&drive)];
-    run("fixtures", &words).ok();
+    generate(&drive, lidar, &["--frames", "40", "--scan-every", "1"]).ok();
     build(&drive, "00", &map, &["--every", "1", "--trajectory", text(&poses)]).ok();
 
     // The survey is right to 2 cm; what single beams leave on the ground and on hedges moves

@@ -64,6 +64,13 @@ pub fn run_into(file: std::fs::File, program: &str, words: &[&str]) -> Ran {
     Ran::new(&command.arg(program).args(words).stdout(file).output().unwrap())
 }
 
+/// `fixtures generate` of a drive, with settings that go into a file beside it.
+pub fn generate(drive: &Path, settings: &str, more: &[&str]) -> Ran {
+    let config = drive.with_extension("toml");
+    std::fs::write(&config, settings).unwrap();
+    run("fixtures", &[&["generate", "--config", text(&config), "--out", text(drive)], more].concat())
+}
+
 /// `mapper build` of a sequence to a map.
 pub fn build(root: &Path, sequence: &str, map: &Path, more: &[&str]) -> Ran {
     let words = ["build", "--kitti", text(root), "--sequence", sequence, "--out", text(map)];

@@ -1,23 +1,12 @@
 //! A vehicle with another camera than KITTI's localizes in a map that says
 //! nothing of any camera.
 
-use std::path::Path;
-
 use common::kitti::{read_poses, write_poses};
 
-use crate::support::{build, generate, run, text};
+use crate::support::{build, generate, localized, run, text};
 
 /// Height of the survey's camera, metres.
 const SURVEY_M: f64 = 1.65;
-
-/// The report on a drive that is localized from label images.
-fn localized(map: &Path, drive: &Path, truth: &Path, out: &Path) -> serde_json::Value {
-    let labels = drive.join("sequences/00/labels_2");
-    let words = ["run", "--map", text(map), "--kitti", text(drive), "--sequence", "00", "--labels", text(&labels)];
-    run("localizer", &[&words[..], &["--truth", text(truth), "--out", text(out)]].concat()).ok();
-    let said = run("localizer", &["eval", "--estimate", text(out), "--truth", text(truth), "--json"]).ok();
-    serde_json::from_str(&said).unwrap()
-}
 
 #[test]
 fn a_camera_of_twice_the_pixels_and_another_view_finds_itself_in_the_map() {

@@ -6,6 +6,7 @@
 
 mod another_camera;
 mod another_lidar;
+mod another_way;
 mod atlas;
 mod bad_input;
 mod budget;

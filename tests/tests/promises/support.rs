@@ -77,6 +77,15 @@ pub fn build(root: &Path, sequence: &str, map: &Path, more: &[&str]) -> Ran {
     run("mapper", &[&words[..], more].concat())
 }
 
+/// The report on a drive that is localized from label images.
+pub fn localized(map: &Path, drive: &Path, truth: &Path, out: &Path) -> serde_json::Value {
+    let labels = drive.join("sequences/00/labels_2");
+    let words = ["run", "--map", text(map), "--kitti", text(drive), "--sequence", "00", "--labels", text(&labels)];
+    run("localizer", &[&words[..], &["--truth", text(truth), "--out", text(out)]].concat()).ok();
+    let said = run("localizer", &["eval", "--estimate", text(out), "--truth", text(truth), "--json"]).ok();
+    serde_json::from_str(&said).unwrap()
+}
+
 /// A path as a word of a command line.
 pub fn text(path: &Path) -> &str {
     path.to_str().unwrap()

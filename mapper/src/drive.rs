@@ -7,7 +7,8 @@ use common::kitti::{Scan, Sequence};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::input::{Deskew, Source};
+use crate::input::{Deskew, Source, Steps};
+use crate::lidar::LidarConfig;
 use crate::scan::LidarScan;
 
 /// Farthest point read, metres: the reach of the lidar. What is stitched and
@@ -33,6 +34,11 @@ pub struct Drive {
     /// How points are moved to the time of their scan, and the time that the
     /// lidar takes for a turn, seconds.
     pub deskew: (Deskew, f64),
+    /// The intensity that counts as a reflectance of 1, where it is another.
+    full_scale: Option<f32>,
+    /// How far apart the points are that are put into the order of the beams; none where they
+    /// are in it, or the source sees to it.
+    unordered: Option<Steps>,
     /// What the reader of the input wants people to know.
     pub notes: Vec<String>,
 }
@@ -142,6 +148,8 @@ impl Drive {
             camera_from_velodyne,
             max_range_m,
             deskew: (Deskew::None, 0.0),
+            full_scale: None,
+            unordered: None,
         })
     }
 
@@ -167,10 +175,20 @@ impl Drive {
         self.source.scan_path(frame)
     }
 
-    /// Says how far apart the beams of the lidar are, radians: the points of folders of
-    /// scans are put into their order.
-    pub(crate) fn put_beams_apart(&mut self, step_rad: f64) {
-        self.source.put_beams_apart(step_rad);
+    /// Says what the lidar is like, into the order of whose beams points are put. Of KITTI's
+    /// layout, whose own scans are in it, one is looked at for that: false where its points
+    /// are in another.
+    pub(crate) fn put_lidar(&mut self, lidar: &LidarConfig, scan: &LidarScan) -> bool {
+        let steps = Steps::of(lidar);
+        self.source.put_steps(steps);
+        let is_ordered = !self.source.is_kitti() || steps.are_in_order(&scan.points);
+        self.unordered = (!is_ordered).then_some(steps);
+        is_ordered
+    }
+
+    /// Says which intensity counts as a reflectance of 1.
+    pub(crate) fn put_full_scale(&mut self, full: f32) {
+        self.full_scale = (full.to_bits() != 1.0_f32.to_bits()).then_some(full);
     }
 
     /// Reads one scan.
@@ -184,6 +202,14 @@ impl Drive {
     /// Reads one scan as the file has it, but for the motion during it.
     pub(crate) fn read_raw(&self, frame: usize) -> Result<Scan> {
         let mut scan = self.source.read(frame, self.max_range_m)?;
+        if let Some(steps) = self.unordered {
+            steps.put_in_order(&mut scan.points, &[]);
+        }
+        if let Some(full) = self.full_scale {
+            for p in &mut scan.points {
+                p.reflectance /= full;
+            }
+        }
         let (deskew, turn_s) = self.deskew;
         if deskew != Deskew::None {
             deskew.apply(&mut scan.points, &self.motion_per_s(frame), turn_s);

@@ -1,5 +1,6 @@
 //! What the lidar can see: its beams and its field of view.
 
+mod intensity;
 mod measure;
 
 use common::geometry::Pose;
@@ -7,6 +8,8 @@ use nalgebra::{Point3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 pub use crate::sheeting::SheetingConfig;
+pub use intensity::IntensityConfig;
+pub(crate) use intensity::full_scale;
 pub use measure::{MeasureConfig, measured};
 
 /// Beam pattern of the lidar. Defaults: Velodyne HDL-64E at 10 Hz, from its
@@ -25,6 +28,8 @@ pub struct LidarConfig {
     pub highest_rad: f64,
     /// Elevation of the lowest beam, radians.
     pub lowest_rad: f64,
+    /// How bright things look to it.
+    pub intensity: IntensityConfig,
     /// How retro-reflective sheeting looks to it.
     pub sheeting: SheetingConfig,
     /// How scans say that it is another one.
@@ -39,6 +44,7 @@ impl Default for LidarConfig {
             apex_m: 0.21,
             highest_rad: 0.035,
             lowest_rad: -0.434,
+            intensity: IntensityConfig::default(),
             sheeting: SheetingConfig::default(),
             measure: MeasureConfig::default(),
         }

@@ -44,7 +44,9 @@ pub(super) fn columns(window: &Window, times_s: &[f64], config: &Config) -> Hash
         .collect();
     let frame = |p: &CloudPoint| cloud.scans.get(usize::from(p.scan)).map_or(0, |s| s.frame);
     let position = |p: &CloudPoint| PastureVector3::new(p.position.x, p.position.z, -p.position.y);
-    let intensity = |p: &CloudPoint| (p.reflectance.clamp(0.0, 1.0) * 65535.0).round() as u16;
+    // As the lidar reported it.
+    let times = config.lidar.intensity.times_as_bright();
+    let intensity = |p: &CloudPoint| ((p.reflectance * times).clamp(0.0, 1.0) * 65535.0).round() as u16;
     // Of a longer drive than the field has numbers, later frames have the last.
     let source = |p: &CloudPoint| frame(p).min(usize::from(u16::MAX)) as u16;
     let time_s = |p: &CloudPoint| times_s.get(frame(p)).copied().unwrap_or(0.0);

@@ -5,37 +5,137 @@
 //! column, and stitched clouds in no order at all.
 
 use common::kitti::ScanPoint;
+use nalgebra::Point3;
+
+use crate::lidar::LidarConfig;
 
 /// The share of a beam's spacing within which two elevations are one beam's.
 const SHARE_OF_STEP: f32 = 0.25;
+/// How far a beam may have risen or fallen since its last point, as a share of the
+/// distance of two: half of that is another's.
+const MOST_RISE: f32 = 0.4;
+/// A beam has no two points closer together than this share of its points' distance.
+const LEAST_ON: f32 = 0.5;
+/// Beams that met nothing over so many steps begin anew.
+const MOST_STEPS: f32 = 30.0;
 
-/// Puts the points of a scan (lidar frame) into the order of the beams and,
-/// on each, of the azimuth, unless they are in the order of the beams already.
-/// `ring` is the beam of each point, where the file says it; otherwise beams
-/// are told by their elevation, `step_rad` being the mean angle between two.
-pub fn order(points: &mut [ScanPoint], ring: &[u16], step_rad: f64) {
-    let width_rad = step_rad as f32 * SHARE_OF_STEP;
-    let elevation = |p: &ScanPoint| p.z_m.atan2(p.x_m.hypot(p.y_m));
-    let along = points.windows(2).filter(|w| (elevation(&w[0]) - elevation(&w[1])).abs() < width_rad).count();
-    if 2 * along >= points.len() {
-        return;
+/// How far apart the points of a lidar are, radians.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Steps {
+    /// Of neighbouring beams.
+    elevation_rad: f32,
+    /// Of neighbouring points of one.
+    azimuth_rad: f32,
+}
+
+impl Steps {
+    /// Those of a lidar.
+    pub fn of(lidar: &LidarConfig) -> Self {
+        Self { elevation_rad: lidar.elevation_step_rad as f32, azimuth_rad: lidar.azimuth_step_rad as f32 }
     }
-    let mut keyed: Vec<(i32, f32, ScanPoint)> = points
-        .iter()
-        .enumerate()
-        .map(|(i, p)| {
-            let beam = match ring.get(i) {
-                Some(ring) => i32::from(*ring),
-                // From the highest down, as the beams of KITTI.
-                None => -(elevation(p) / width_rad).floor() as i32,
-            };
-            (beam, p.y_m.atan2(p.x_m), *p)
-        })
-        .collect();
-    keyed.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    for (slot, (_, _, p)) in points.iter_mut().zip(keyed) {
-        *slot = p;
+
+    /// Whether points (lidar frame) are in the order of the beams.
+    pub fn are_in_order(self, points: &[Point3<f64>]) -> bool {
+        self.are_along(points.iter().map(|p| elevation(p.x as f32, p.y as f32, p.z as f32)))
     }
+
+    /// Whether a quarter of the points lies on the beam of the one before: in another order
+    /// hardly any does, and where points scatter by 2 cm half of them do.
+    fn are_along(self, elevations: impl Iterator<Item = f32> + Clone) -> bool {
+        let width_rad = self.elevation_rad * SHARE_OF_STEP;
+        let (mut along, mut count) = (0, 0);
+        for (before, this) in elevations.clone().zip(elevations.skip(1)) {
+            along += usize::from((before - this).abs() < width_rad);
+            count += 1;
+        }
+        4 * along >= count
+    }
+
+    /// Puts the points of a scan (lidar frame) into the order of the beams and,
+    /// on each, of the azimuth, unless they are in the order of the beams already.
+    /// `ring` is the beam of each point, where the file says it; otherwise beams
+    /// are [followed](Self::beams).
+    pub fn put_in_order(self, points: &mut [ScanPoint], ring: &[u16]) {
+        if self.are_along(points.iter().map(elevation_of)) {
+            return;
+        }
+        let mut round: Vec<(f32, usize)> = points.iter().map(azimuth).zip(0..).collect();
+        round.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let beams: Vec<u32> = if ring.len() == points.len() {
+            round.iter().map(|(_, i)| u32::from(ring[*i])).collect()
+        } else {
+            self.beams(&round, points)
+        };
+        let mut by_beam: Vec<(u32, ScanPoint)> = beams.into_iter().zip(round.iter().map(|(_, i)| points[*i])).collect();
+        // Stable: those of a beam stay in the order of the azimuth.
+        by_beam.sort_by_key(|(beam, _)| *beam);
+        for (slot, (_, p)) in points.iter_mut().zip(by_beam) {
+            *slot = p;
+        }
+    }
+
+    /// Cuts a piece of a stitched cloud as beams would from the place that it is seen
+    /// from (its origin): four for each one, as it is so much denser than a scan.
+    pub fn cut(self, points: &mut [ScanPoint]) {
+        if self.are_along(points.iter().map(elevation_of)) {
+            return;
+        }
+        let width_rad = self.elevation_rad * SHARE_OF_STEP;
+        // From the highest down, as the beams of KITTI.
+        let beam = |p: &ScanPoint| -(elevation_of(p) / width_rad).floor() as i32;
+        let mut keyed: Vec<(i32, f32, ScanPoint)> = points.iter().map(|p| (beam(p), azimuth(p), *p)).collect();
+        keyed.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        for (slot, (_, _, p)) in points.iter_mut().zip(keyed) {
+            *slot = p;
+        }
+    }
+
+    /// The beam of each point of a scan, a number of no meaning; `round` are the azimuths
+    /// and places of the points, ascending. Beams are followed round the horizon, and each
+    /// point is of the one that came nearest to its height just before: those of many a
+    /// lidar come from several places over its origin, so that one has another elevation
+    /// where it meets a car before the road.
+    fn beams(self, round: &[(f32, usize)], points: &[ScanPoint]) -> Vec<u32> {
+        // Sorted by elevation.
+        let mut followed = Vec::<Followed>::new();
+        let mut count = 0;
+        let (most_rad, least_on_rad) = (MOST_RISE * self.elevation_rad, LEAST_ON * self.azimuth_rad);
+        let beam = |&(azimuth, i): &(f32, usize)| {
+            let elevation = elevation_of(&points[i]);
+            let first = followed.partition_point(|beam| beam.elevation < elevation - most_rad);
+            let near = followed[first..].iter().take_while(|beam| beam.elevation < elevation + most_rad);
+            let free = (first..).zip(near).filter(|(_, beam)| azimuth - beam.azimuth >= least_on_rad);
+            let off = |beam: &Followed| (beam.elevation - elevation).abs();
+            let nearest = free.min_by(|(_, a), (_, b)| off(a).total_cmp(&off(b))).map(|(k, _)| k);
+            let before = nearest.map(|k| followed.remove(k));
+            let goes_on = before.filter(|beam| azimuth - beam.azimuth < MOST_STEPS * self.azimuth_rad);
+            let number = goes_on.map_or(count, |beam| beam.number);
+            count = count.max(number + 1);
+            let at = followed.partition_point(|beam| beam.elevation < elevation);
+            followed.insert(at, Followed { number, azimuth, elevation });
+            number
+        };
+        round.iter().map(beam).collect()
+    }
+}
+
+/// A beam and its last point, radians.
+struct Followed {
+    number: u32,
+    azimuth: f32,
+    elevation: f32,
+}
+
+fn azimuth(p: &ScanPoint) -> f32 {
+    p.y_m.atan2(p.x_m)
+}
+
+fn elevation_of(p: &ScanPoint) -> f32 {
+    elevation(p.x_m, p.y_m, p.z_m)
+}
+
+fn elevation(x_m: f32, y_m: f32, z_m: f32) -> f32 {
+    z_m.atan2(x_m.hypot(y_m))
 }
 
 #[cfg(test)]
@@ -63,15 +163,42 @@ mod tests {
         let beams = beams();
         let by_beam: Vec<ScanPoint> = beams.iter().flatten().copied().collect();
         let by_column: Vec<ScanPoint> = (0..600).flat_map(|i| beams.iter().map(move |b| b[i])).collect();
+        let steps = Steps { elevation_rad: 0.0073, azimuth_rad: 0.01 };
         let mut kept = by_beam.clone();
-        order(&mut kept, &[], 0.0073);
+        steps.put_in_order(&mut kept, &[]);
         assert_eq!(kept, by_beam);
         let rings: Vec<u16> = by_column.iter().map(|p| p.reflectance as u16).collect();
         for rings in [&rings[..], &[]] {
             let mut ordered = by_column.clone();
-            order(&mut ordered, rings, 0.0073);
+            steps.put_in_order(&mut ordered, rings);
             let same = ordered.windows(2).filter(|w| (w[0].reflectance - w[1].reflectance).abs() < 0.5).count();
             assert!(same >= ordered.len() - 20, "{same} of {}", ordered.len());
+        }
+    }
+
+    #[test]
+    fn beams_are_followed_past_a_vehicle_that_they_meet_in_any_order() {
+        let steps = Steps { elevation_rad: 0.0073, azimuth_rad: 0.003 };
+        // Of a lidar 1.7 m above a plain whose beams come from 0.2 m over its origin; a
+        // vehicle hides some of it 4 m ahead. The reflectance is the beam's number.
+        let hit = |beam: u16, i: u16| {
+            let ((sin, cos), rise) = ((f32::from(i) * 0.003 - 3.0).sin_cos(), 0.06 + 0.0073 * f32::from(beam));
+            let level_m = if (900..1100).contains(&i) { 4.0 } else { 1.9 / rise };
+            ScanPoint { x_m: level_m * cos, y_m: level_m * sin, z_m: 0.2 - level_m * rise, reflectance: beam.into() }
+        };
+        let by_column: Vec<ScanPoint> = (0..2000).flat_map(|i| (0..24).map(move |beam| hit(beam, i))).collect();
+        let mut stirred = by_column.clone();
+        // 7919 is prime, and so is every place met once.
+        stirred.iter_mut().enumerate().for_each(|(i, p)| *p = by_column[i * 7919 % by_column.len()]);
+        for mut points in [by_column, stirred] {
+            steps.put_in_order(&mut points, &[]);
+            let near_m = |w: &[ScanPoint]| (w[0].x_m - w[1].x_m).hypot(w[0].y_m - w[1].y_m);
+            let along = points
+                .windows(2)
+                .filter(|w| (w[0].reflectance - w[1].reflectance).abs() < 0.5 && near_m(w) < 0.2)
+                .count();
+            // A beam begins and ends where the vehicle does.
+            assert!(along > points.len() - 400, "{along} of {}", points.len());
         }
     }
 }

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::lidar::full_scale;
+
 /// How input is read that is not KITTI's.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -34,7 +36,6 @@ impl InputConfig {
         if self.full_intensity > 0.0 {
             return self.full_intensity;
         }
-        // A float of 0 to 1, and whole numbers of 8, 12 and 16 bits.
-        [1.0, 255.0, 4095.0, 65535.0].into_iter().find(|full| largest <= *full).unwrap_or(largest)
+        full_scale(largest)
     }
 }

@@ -25,6 +25,7 @@ use std::sync::Arc;
 
 use common::kitti::{RawDrive, Scan, Sequence, read_scan};
 
+pub(crate) use self::beams::Steps;
 pub use self::config::InputConfig;
 pub use self::deskew::Deskew;
 pub use self::raw::open_raw;
@@ -88,10 +89,16 @@ impl Source {
         }
     }
 
-    /// Says how far apart the beams are, radians, where scans are put into their order.
-    pub fn put_beams_apart(&mut self, step_rad: f64) {
+    /// Whether scans are those of KITTI, whose points are in the order of the beams.
+    pub fn is_kitti(&self) -> bool {
+        matches!(self, Self::Odometry(_) | Self::Raw(_))
+    }
+
+    /// Says how far apart the points of the lidar are, where scans are put into the order
+    /// of its beams.
+    pub fn put_steps(&mut self, steps: Steps) {
         if let Self::Scans(folder) = self {
-            Arc::make_mut(folder).put_beams_apart(step_rad);
+            Arc::make_mut(folder).put_steps(steps);
         }
     }
 }

@@ -8,6 +8,7 @@ use common::kitti::{Scan, read_times};
 use nalgebra::Vector3;
 
 use super::Source;
+use super::beams::Steps;
 use super::config::InputConfig;
 use super::formats::ScanFormat;
 use super::survey::{Placement, Poses, SurveyFrame, assumed_times_s, poses_at, times_of_rows};
@@ -42,8 +43,8 @@ pub struct ScanFolder {
     files: BTreeMap<usize, PathBuf>,
     /// Intensity that counts as a reflectance of 1.
     full_scale: f32,
-    /// Mean angle between neighbouring beams, radians.
-    beam_step_rad: f64,
+    /// How far apart the points of the lidar are.
+    steps: Steps,
 }
 
 /// Scans that are looked into for the scale of their intensities.
@@ -67,9 +68,9 @@ impl ScanFolder {
         self.files.get(&frame).cloned().unwrap_or_else(|| self.folder.clone())
     }
 
-    /// Says how far apart the beams are, radians.
-    pub fn put_beams_apart(&mut self, step_rad: f64) {
-        self.beam_step_rad = step_rad;
+    /// Says how far apart the points of the lidar are.
+    pub fn put_steps(&mut self, steps: Steps) {
+        self.steps = steps;
     }
 
     /// The scan of a frame.
@@ -77,7 +78,7 @@ impl ScanFolder {
     /// # Errors
     /// As [`ScanFormat::read`].
     pub fn read(&self, frame: usize, max_range_m: f32) -> Result<Scan> {
-        let mut scan = self.format.read(&self.scan_path(frame), max_range_m, self.beam_step_rad)?;
+        let mut scan = self.format.read(&self.scan_path(frame), max_range_m, self.steps)?;
         for p in &mut scan.points {
             p.reflectance /= self.full_scale;
         }
@@ -89,7 +90,7 @@ impl ScanFolder {
         let step = frames.len().div_ceil(LOOKED_INTO).max(1);
         let mut largest = 0.0_f32;
         for &frame in frames.iter().step_by(step) {
-            let scan = self.format.read(&self.scan_path(frame), f32::MAX.sqrt(), self.beam_step_rad)?;
+            let scan = self.format.read(&self.scan_path(frame), f32::MAX.sqrt(), self.steps)?;
             largest = scan.points.iter().map(|p| p.reflectance).fold(largest, f32::max);
         }
         Ok(largest)
@@ -125,13 +126,8 @@ pub fn open_scans(
         camera_from_velodyne: placement.camera_from_velodyne,
     };
     let frames: Vec<usize> = files.keys().copied().collect();
-    let mut folder = ScanFolder {
-        folder: input.path.to_path_buf(),
-        format,
-        files,
-        full_scale: 1.0,
-        beam_step_rad: lidar.elevation_step_rad,
-    };
+    let mut folder =
+        ScanFolder { folder: input.path.to_path_buf(), format, files, full_scale: 1.0, steps: Steps::of(lidar) };
     let chosen = choice.of(frames.iter().copied());
     let largest = folder.largest_intensity(&chosen)?;
     folder.full_scale = config.full_scale(largest);

@@ -23,7 +23,7 @@ use nalgebra::{Point2, Point3};
 use tempfile::TempDir;
 
 use super::Source;
-use super::beams;
+use super::beams::Steps;
 use super::config::InputConfig;
 use super::formats::{at_a_time, cut_off, las_reader};
 use super::scans::ScanInput;
@@ -44,7 +44,7 @@ pub struct Slices {
     cloud: PathBuf,
     folder: TempDir,
     full_scale: f32,
-    beam_step_rad: f64,
+    steps: Steps,
 }
 
 impl Slices {
@@ -77,7 +77,7 @@ impl Slices {
         for p in &mut scan.points {
             p.reflectance /= self.full_scale;
         }
-        beams::order(&mut scan.points, &[], self.beam_step_rad);
+        self.steps.cut(&mut scan.points);
         Ok(scan)
     }
 }
@@ -134,7 +134,7 @@ pub fn open_stitched(
         cloud: input.path.to_path_buf(),
         folder,
         full_scale: config.full_scale(cut.largest_intensity),
-        beam_step_rad: lidar.elevation_step_rad,
+        steps: Steps::of(lidar),
     };
     let mut notes: Vec<String> = placement.note().into_iter().collect();
     notes.push(format!(

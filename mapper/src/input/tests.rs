@@ -124,7 +124,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 }
 
 fn read(path: &Path) -> Result<Scan> {
-    ScanFormat::of(path).unwrap().read(path, 120.0, LidarConfig::default().elevation_step_rad)
+    ScanFormat::of(path).unwrap().read(path, 120.0, Steps::of(&LidarConfig::default()))
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
-use super::LidarConfig;
+use super::{IntensityConfig, LidarConfig, intensity};
 use crate::drive::Drive;
 use crate::error::Result;
 use crate::quantile::quantile;
@@ -49,6 +49,19 @@ pub struct MeasureConfig {
     /// It looks less far down, or farther, by this, radians: the lower half of the beams
     /// of an HDL-64E come from below the apex of the upper, which looks like half of it.
     pub lower_by_rad: f64,
+    /// How far away the road is looked at, metres along the ground: beyond it beams graze.
+    pub road_m: [f64; 2],
+    /// Half the thickness of the road there, metres: it rises and falls.
+    pub road_within_m: f64,
+    /// Share of the points that are brighter than what is bright: sheeting and glints are
+    /// fewer.
+    pub bright_share: f64,
+    /// The road, or what is bright, is so many times as bright as was said, or as dark,
+    /// to another lidar: to KITTI's it is within 1.4 from drive to drive.
+    pub most_times_as_bright: f64,
+    /// A lidar to which the road is less than such a share of what is bright is calibrated:
+    /// to KITTI's it is half, to others a fifth, for beams graze it.
+    pub calibrated_road_share: f64,
 }
 
 impl Default for MeasureConfig {
@@ -66,12 +79,21 @@ impl Default for MeasureConfig {
             most_times: 1.25,
             higher_by_rad: 0.02,
             lower_by_rad: 0.08,
+            road_m: [4.0, 20.0],
+            road_within_m: 0.2,
+            bright_share: 0.02,
+            most_times_as_bright: 1.6,
+            calibrated_road_share: 0.4,
         }
     }
 }
 
 /// Steps that beams, and the points along them, may have, radians: those of settings.
 const STEPS_RAD: RangeInclusive<f64> = 1e-5..=0.2;
+
+/// Points along beams that seem to be so many times as far apart as the beams lie on none:
+/// something scatters them, by 2 cm even where they are 5 m away.
+const MOST_ALONG: f64 = 8.0;
 
 /// What a scan shows, all in radians.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,18 +110,35 @@ struct Shown {
 /// # Errors
 /// Where a scan cannot be read.
 pub fn measured(drive: &mut Drive, said: &LidarConfig) -> Result<LidarConfig> {
-    if !said.measure.is_on || !drive.has_single_scans() {
-        return Ok(*said);
-    }
-    let (scans, last) = (said.measure.scans, drive.frames.len().saturating_sub(1));
+    let MeasureConfig { is_on, scans, .. } = said.measure;
+    // One tells the order of the points.
+    let (scans, last) = (if is_on { scans } else { 1 }, drive.frames.len().saturating_sub(1));
     let step = last / scans.saturating_sub(1).max(1);
     let frames: Vec<usize> = drive.frames.iter().copied().step_by(step.max(1)).take(scans).collect();
     let scans: Vec<LidarScan> = frames.iter().map(|frame| drive.read(*frame, 0.0)).collect::<Result<_>>()?;
+    let mut lidar = *said;
+    if drive.has_single_scans() {
+        lidar = if is_on { with_beams(&scans, drive, said) } else { lidar };
+        let is_in_order = scans.first().is_none_or(|scan| drive.put_lidar(&lidar, scan));
+        if !is_in_order {
+            drive.notes.push("the points of the scans are put into the order of the beams".into());
+        }
+    }
+    if is_on {
+        lidar.intensity = intensities(&scans, drive, said);
+    } else {
+        drive.put_full_scale(lidar.intensity.times_as_bright());
+    }
+    Ok(lidar)
+}
+
+/// The lidar with the beams that its scans show.
+fn with_beams(scans: &[LidarScan], drive: &mut Drive, said: &LidarConfig) -> LidarConfig {
     let by = |said: &LidarConfig| {
         let shown: Vec<Shown> = scans.iter().filter_map(|scan| Shown::by(&scan.points, said)).collect();
         Shown::middle(&shown)?.against(said)
     };
-    let Some(mut lidar) = by(said) else { return Ok(*said) };
+    let Some(mut lidar) = by(said) else { return *said };
     // Nearly all others than the HDL-64E of KITTI have their beams from their origin.
     let has_other_beams = (lidar.elevation_step_rad - said.elevation_step_rad).abs() > f64::EPSILON;
     if has_other_beams {
@@ -111,8 +150,27 @@ pub fn measured(drive: &mut Drive, said: &LidarConfig) -> Result<LidarConfig> {
         "the scans show another lidar than `[lidar]` says: it looks from {low:.1} to {high:.1} degrees, with beams {apart:.2} \
          degrees apart and a point every {along:.2}; that is taken, unless `lidar.measure.is_on = false`"
     ));
-    drive.put_beams_apart(lidar.elevation_step_rad);
-    Ok(lidar)
+    lidar
+}
+
+/// The intensities that the scans of a drive show, to which it is told how to bring them.
+fn intensities(scans: &[LidarScan], drive: &mut Drive, said: &LidarConfig) -> IntensityConfig {
+    let reflectances = scans.iter().flat_map(|scan| &scan.reflectance);
+    let full = intensity::full_scale(reflectances.copied().fold(0.0, f32::max));
+    let scaled: Vec<LidarScan> = scans.iter().map(|scan| scan.brighter(1.0 / full)).collect();
+    if full > 1.0 {
+        drive.notes.push(format!("an intensity of {full} counts as a reflectance of 1"));
+    }
+    let shown = intensity::against(&scaled, &said.intensity, &said.measure);
+    if let Some(IntensityConfig { road, bright }) = shown {
+        drive.notes.push(format!(
+            "the scans show other intensities than `[lidar]` says: the road reflects {road:.3} and what is bright {bright:.2}; \
+             they are brought to those of KITTI's lidar, unless `lidar.measure.is_on = false`"
+        ));
+    }
+    let intensity = shown.unwrap_or(said.intensity);
+    drive.put_full_scale(full * intensity.times_as_bright());
+    intensity
 }
 
 impl Shown {
@@ -152,7 +210,8 @@ impl Shown {
         let elevation_step = quantile(&mut steps, 0.5).filter(|step| STEPS_RAD.contains(step))?;
         let per_radian_2 = full as f64 / (sector_rad * (config.band_rad[1] - config.band_rad[0]));
         let azimuth_step = (per_radian_2 * elevation_step).recip();
-        STEPS_RAD.contains(&azimuth_step).then_some(Self {
+        let lies_on_beams = azimuth_step < MOST_ALONG * elevation_step;
+        (lies_on_beams && STEPS_RAD.contains(&azimuth_step)).then_some(Self {
             azimuth_step,
             elevation_step,
             highest: quantile(&mut far, 1.0 - config.above_highest).map_or(said.highest_rad, f64::atan),

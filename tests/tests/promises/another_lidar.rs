@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use common::kitti::read_poses;
+use common::kitti::{ScanPoint, read_poses, read_scan, write_scan};
 use waymark_tests::map_score::{MapScore, score};
 
 use crate::support::{build, generate, text};
@@ -42,6 +42,44 @@ fn scans_say_which_lidar_took_them_and_the_map_is_as_good() {
     std::fs::write(&config, "[lidar.measure]\nis_on = false\n").unwrap();
     let said = build(&drive, "00", &map, &["--config", text(&config)]).ok();
     assert!(!said.contains("another lidar"), "{said}");
+}
+
+/// Writes the scans of a drive anew: column by column, and whole numbers up to 255.
+fn rewrite(drive: &Path) {
+    for file in std::fs::read_dir(drive.join("sequences/00/velodyne")).unwrap() {
+        let path = file.unwrap().path();
+        let mut points = read_scan(&path, 120.0).unwrap().points;
+        let column = |p: &ScanPoint| (p.y_m.atan2(p.x_m) / 0.003) as i32;
+        points.sort_by_key(column);
+        for p in &mut points {
+            p.reflectance = (p.reflectance * 255.0).round();
+        }
+        write_scan(&path, &points).unwrap();
+    }
+}
+
+#[test]
+fn points_in_another_order_with_other_intensities_give_as_good_a_map() {
+    let root = tempfile::tempdir().unwrap();
+    let (drive, map) = (root.path().join("drive"), root.path().join("map.csm"));
+    // The crossing of the city has lights.
+    generate(&drive, "[lidar]\nis_calibrated = true\n", &["--world", "city", "--frames", "160"]).ok();
+    rewrite(&drive);
+    let said = build(&drive, "00", &map, &[]).ok();
+    for part in ["into the order of the beams", "an intensity of 255 counts as a reflectance of 1", "other intensities"]
+    {
+        assert!(said.contains(part), "no `{part}` in: {said}");
+    }
+    let MapScore { poles, signs, lights, lanes, .. } = scored(&map, &drive);
+    println!("poles {poles:?}, signs {signs:?}, lights {lights:?}, lanes {lanes:?}");
+    for (what, found, [recall, precision]) in [
+        ("poles", &poles, [0.9, 0.9]),
+        ("signs", &signs, [0.8, 0.9]),
+        ("lights", &lights, [0.8, 0.9]),
+        ("lanes", &lanes, [0.9, 0.85]),
+    ] {
+        assert!(found.recall() >= recall && found.precision() >= precision, "{what}: {found:?}");
+    }
 }
 
 #[test]

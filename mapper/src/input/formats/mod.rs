@@ -11,7 +11,7 @@ use std::path::Path;
 use common::kitti::{Scan, ScanPoint, read_scan};
 
 pub use self::las::{at_a_time, cut_off, reader as las_reader};
-use super::beams;
+use super::beams::Steps;
 use crate::error::{Error, Result};
 
 /// A format of scans.
@@ -56,16 +56,16 @@ impl ScanFormat {
     }
 
     /// Reads a scan whose points lie in the frame of the lidar, and puts them
-    /// into the order of the beams, which are `beam_step_rad` apart.
+    /// into the order of the beams, whose points are `steps` apart.
     ///
     /// # Errors
     /// [`Error::BadScan`] where the file is not what it should be, and as
     /// [`read_scan`].
-    pub fn read(self, path: &Path, max_range_m: f32, beam_step_rad: f64) -> Result<Scan> {
+    pub fn read(self, path: &Path, max_range_m: f32, steps: Steps) -> Result<Scan> {
         let points = match self {
             Self::Bin => {
                 let mut scan = read_scan(path, max_range_m)?;
-                beams::order(&mut scan.points, &[], beam_step_rad);
+                steps.put_in_order(&mut scan.points, &[]);
                 return Ok(scan);
             }
             Self::Las => las::read(path)?,
@@ -75,12 +75,12 @@ impl ScanFormat {
         if points.points.is_empty() {
             return Err(bad(path, "it holds no point; export it again"));
         }
-        Ok(usable(&points, max_range_m, beam_step_rad))
+        Ok(usable(&points, max_range_m, steps))
     }
 }
 
 /// Drops what is not finite or out of range, and orders the rest.
-fn usable(all: &Points, max_range_m: f32, beam_step_rad: f64) -> Scan {
+fn usable(all: &Points, max_range_m: f32, steps: Steps) -> Scan {
     let mut scan = Scan { points: Vec::with_capacity(all.points.len()), ..Scan::default() };
     let mut ring = Vec::with_capacity(all.ring.len());
     for (i, p) in all.points.iter().enumerate() {
@@ -94,7 +94,7 @@ fn usable(all: &Points, max_range_m: f32, beam_step_rad: f64) -> Scan {
             scan.dropped_not_finite += 1;
         }
     }
-    beams::order(&mut scan.points, &ring, beam_step_rad);
+    steps.put_in_order(&mut scan.points, &ring);
     scan
 }
 

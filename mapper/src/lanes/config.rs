@@ -113,8 +113,9 @@ pub struct LaneConfig {
     /// has gaps of less than a quarter of its period (3 m and 1 m, 9 m and 3 m), and
     /// beams widen its marks by two bins.
     pub largest_spot_share: f64,
-    /// Least share of the bins of a solid line with a point of paint: of what
-    /// was seen less often nobody knows where its gaps are.
+    /// Least share of the bins of a solid line that have a point of paint or lie
+    /// beside one that has: of what was seen less often nobody knows where its
+    /// gaps are.
     pub least_seen_share: f64,
     /// Longest dash, metres: longer paint is a solid line. The longest in use
     /// are 9 m.

@@ -112,7 +112,10 @@ fn are_solid(group: &[Range<usize>], bins: &[Bin], config: &LaneConfig) -> Vec<b
     let of_pieces = |pieces: &[Range<usize>]| {
         let (Some(first), Some(last)) = (pieces.first(), pieces.last()) else { return None };
         let run = first.start..last.end;
-        let seen = bins[run.clone()].iter().filter(|b| b.core.bright > 0.0).count() as f64;
+        // Few beams leave many bins unseen, but no gap between dashes is as short as one bin.
+        let has_paint = |i: usize| bins.get(i).is_some_and(|b| b.core.bright > 0.0);
+        let seen =
+            run.clone().filter(|i| has_paint(*i) || has_paint(i + 1) || has_paint(i.wrapping_sub(1))).count() as f64;
         let is_long = run.len() as f64 * config.profile_m > config.longest_dash_m;
         (!is_long || seen >= config.least_seen_share * run.len() as f64).then_some(is_long)
     };
@@ -174,6 +177,20 @@ mod tests {
         assert_eq!(length_m(10.0, 4.0), [20.0]);
         assert_eq!(length_m(6.0, 4.0), [30.5]);
         assert_eq!(length_m(10.0, 0.0), [34.5]);
+    }
+
+    #[test]
+    fn a_solid_line_is_one_where_few_beams_meet_it() {
+        let config = LaneConfig::default();
+        let kinds = |every: usize| {
+            // Its paint, and a dash of what was seen before it begins.
+            let mut bins = line(&[(2.0, true, 4.0), (5.0, false, 1.0), (60.0, true, 4.0), (1.0, false, 1.0)], &config);
+            let unseen = bins.iter_mut().enumerate().filter(|(i, bin)| *i > 20 && bin.painted && i % every > 0);
+            unseen.for_each(|(_, bin)| bin.core = Share::default());
+            stretches(&bins, &config).iter().map(|stretch| stretch.0).collect::<Vec<LaneKind>>()
+        };
+        assert_eq!(kinds(4), [LaneKind::Solid]);
+        assert_eq!(kinds(10), []);
     }
 
     #[test]

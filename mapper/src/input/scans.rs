@@ -138,8 +138,6 @@ pub fn open_scans(
             input.path.display(),
             folder.full_scale
         ));
-    } else {
-        notes.push(format!("{} holds no intensities: signs and lane lines cannot be found", input.path.display()));
     }
     if without > 0 {
         notes.push(format!("{without} scans have no pose within {} s and are left out", config.longest_gap_s));

@@ -57,7 +57,7 @@ pub struct MeasureConfig {
     /// fewer.
     pub bright_share: f64,
     /// The road, or what is bright, is so many times as bright as was said, or as dark,
-    /// to another lidar: to KITTI's it is within 1.4 from drive to drive.
+    /// to another lidar: to KITTI's it is within 1.5 from place to place.
     pub most_times_as_bright: f64,
     /// A lidar to which the road is less than such a share of what is bright is calibrated:
     /// to KITTI's it is half, to others a fifth, for beams graze it.
@@ -124,7 +124,13 @@ pub fn measured(drive: &mut Drive, said: &LidarConfig) -> Result<LidarConfig> {
             drive.notes.push("the points of the scans are put into the order of the beams".into());
         }
     }
-    if is_on {
+    if are_alike(&scans, said.measure.fewest_points) {
+        drive.notes.push(
+            "the scans have no intensities, or all alike: lane lines cannot be found, and signs by their shape alone"
+                .into(),
+        );
+        drive.put_full_scale(f32::INFINITY);
+    } else if is_on {
         lidar.intensity = intensities(&scans, drive, said);
     } else {
         drive.put_full_scale(lidar.intensity.times_as_bright());
@@ -151,6 +157,13 @@ fn with_beams(scans: &[LidarScan], drive: &mut Drive, said: &LidarConfig) -> Lid
          degrees apart and a point every {along:.2}; that is taken, unless `lidar.measure.is_on = false`"
     ));
     lidar
+}
+
+/// Whether all intensities are one: converters write 0 or 1 where they have none.
+fn are_alike(scans: &[LidarScan], fewest_points: usize) -> bool {
+    let mut all =
+        scans.iter().filter(|scan| scan.reflectance.len() >= fewest_points).flat_map(|scan| &scan.reflectance);
+    all.next().is_some_and(|first| all.all(|other| other.to_bits() == first.to_bits()))
 }
 
 /// The intensities that the scans of a drive show, to which it is told how to bring them.

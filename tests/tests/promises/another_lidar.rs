@@ -44,16 +44,12 @@ fn scans_say_which_lidar_took_them_and_the_map_is_as_good() {
     assert!(!said.contains("another lidar"), "{said}");
 }
 
-/// Writes the scans of a drive anew: column by column, and whole numbers up to 255.
-fn rewrite(drive: &Path) {
+/// Writes the scans of a drive anew.
+fn rewrite(drive: &Path, change: impl Fn(&mut Vec<ScanPoint>)) {
     for file in std::fs::read_dir(drive.join("sequences/00/velodyne")).unwrap() {
         let path = file.unwrap().path();
         let mut points = read_scan(&path, 120.0).unwrap().points;
-        let column = |p: &ScanPoint| (p.y_m.atan2(p.x_m) / 0.003) as i32;
-        points.sort_by_key(column);
-        for p in &mut points {
-            p.reflectance = (p.reflectance * 255.0).round();
-        }
+        change(&mut points);
         write_scan(&path, &points).unwrap();
     }
 }
@@ -64,7 +60,12 @@ fn points_in_another_order_with_other_intensities_give_as_good_a_map() {
     let (drive, map) = (root.path().join("drive"), root.path().join("map.csm"));
     // The crossing of the city has lights.
     generate(&drive, "[lidar]\nis_calibrated = true\n", &["--world", "city", "--frames", "160"]).ok();
-    rewrite(&drive);
+    rewrite(&drive, |points| {
+        points.sort_by_key(|p| (p.y_m.atan2(p.x_m) / 0.003) as i32);
+        for p in points {
+            p.reflectance = (p.reflectance * 255.0).round();
+        }
+    });
     let said = build(&drive, "00", &map, &[]).ok();
     for part in ["into the order of the beams", "an intensity of 255 counts as a reflectance of 1", "other intensities"]
     {
@@ -79,6 +80,22 @@ fn points_in_another_order_with_other_intensities_give_as_good_a_map() {
         ("lanes", &lanes, [0.9, 0.85]),
     ] {
         assert!(found.recall() >= recall && found.precision() >= precision, "{what}: {found:?}");
+    }
+}
+
+#[test]
+fn intensities_that_are_all_alike_make_no_lines_and_no_signs_of_all_that_stands() {
+    let root = tempfile::tempdir().unwrap();
+    let (drive, map) = (root.path().join("drive"), root.path().join("map.csm"));
+    generate(&drive, "", &["--frames", "30", "--scan-every", "5"]).ok();
+    for all in [0.0, 1.0] {
+        rewrite(&drive, |points| points.iter_mut().for_each(|p| p.reflectance = all));
+        let said = build(&drive, "00", &map, &[]).ok();
+        assert!(said.contains("no intensities"), "{said}");
+        let map = common::map::read(&map).unwrap();
+        let painted = map.lanes.iter().filter(|lane| lane.kind.is_painted()).count();
+        // Boards on posts are told by their shape alone.
+        assert!(map.poles.len() >= 5 && painted == 0 && map.signs.len() <= 5, "{map:?}");
     }
 }
 

@@ -28,12 +28,6 @@ impl LidarScan {
         Ok(Self::prepare(&read_scan(path, max_range_m)?, vertical_angle_rad))
     }
 
-    /// The same with reflectances that are so many times as high.
-    #[must_use]
-    pub fn brighter(&self, times: f32) -> Self {
-        Self { reflectance: self.reflectance.iter().map(|r| r * times).collect(), ..self.clone() }
-    }
-
     /// As [`Self::read`], from a scan already in memory.
     pub fn prepare(scan: &Scan, vertical_angle_rad: f64) -> Self {
         let points = if vertical_angle_rad == 0.0 {

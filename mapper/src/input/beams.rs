@@ -56,36 +56,38 @@ impl Steps {
     /// `ring` is the beam of each point, where the file says it; otherwise beams
     /// are [followed](Self::beams).
     pub fn put_in_order(self, points: &mut [ScanPoint], ring: &[u16]) {
-        if self.are_along(points.iter().map(elevation_of)) {
-            return;
-        }
-        let mut round: Vec<(f32, usize)> = points.iter().map(azimuth).zip(0..).collect();
-        round.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let beams: Vec<u32> = if ring.len() == points.len() {
-            round.iter().map(|(_, i)| u32::from(ring[*i])).collect()
-        } else {
-            self.beams(&round, points)
-        };
-        let mut by_beam: Vec<(u32, ScanPoint)> = beams.into_iter().zip(round.iter().map(|(_, i)| points[*i])).collect();
-        // Stable: those of a beam stay in the order of the azimuth.
-        by_beam.sort_by_key(|(beam, _)| *beam);
-        for (slot, (_, p)) in points.iter_mut().zip(by_beam) {
-            *slot = p;
-        }
+        self.arrange(points, |round, points| {
+            if ring.len() == points.len() {
+                round.iter().map(|(_, i)| i64::from(ring[*i])).collect()
+            } else {
+                self.beams(round, points)
+            }
+        });
     }
 
     /// Cuts a piece of a stitched cloud as beams would from the place that it is seen
     /// from (its origin): four for each one, as it is so much denser than a scan.
     pub fn cut(self, points: &mut [ScanPoint]) {
+        let width_rad = self.elevation_rad * SHARE_OF_STEP;
+        // From the highest down, as the beams of KITTI.
+        let beam = |p: &ScanPoint| -(elevation_of(p) / width_rad).floor() as i64;
+        self.arrange(points, |round, points| round.iter().map(|(_, i)| beam(&points[*i])).collect());
+    }
+
+    /// Sorts points by their beams and, on each, by their azimuth, unless they are in the
+    /// order of the beams already. `beams` gives the beam of each of the points whose
+    /// azimuths and places it gets, ascending.
+    fn arrange(self, points: &mut [ScanPoint], beams: impl FnOnce(&[(f32, usize)], &[ScanPoint]) -> Vec<i64>) {
         if self.are_along(points.iter().map(elevation_of)) {
             return;
         }
-        let width_rad = self.elevation_rad * SHARE_OF_STEP;
-        // From the highest down, as the beams of KITTI.
-        let beam = |p: &ScanPoint| -(elevation_of(p) / width_rad).floor() as i32;
-        let mut keyed: Vec<(i32, f32, ScanPoint)> = points.iter().map(|p| (beam(p), azimuth(p), *p)).collect();
-        keyed.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        for (slot, (_, _, p)) in points.iter_mut().zip(keyed) {
+        let mut round: Vec<(f32, usize)> = points.iter().map(azimuth).zip(0..).collect();
+        round.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let places = round.iter().map(|(_, i)| points[*i]);
+        let mut by_beam: Vec<(i64, ScanPoint)> = beams(&round, points).into_iter().zip(places).collect();
+        // Stable: those of a beam stay in the order of the azimuth.
+        by_beam.sort_by_key(|(beam, _)| *beam);
+        for (slot, (_, p)) in points.iter_mut().zip(by_beam) {
             *slot = p;
         }
     }
@@ -95,7 +97,7 @@ impl Steps {
     /// point is of the one that came nearest to its height just before: those of many a
     /// lidar come from several places over its origin, so that one has another elevation
     /// where it meets a car before the road.
-    fn beams(self, round: &[(f32, usize)], points: &[ScanPoint]) -> Vec<u32> {
+    fn beams(self, round: &[(f32, usize)], points: &[ScanPoint]) -> Vec<i64> {
         // Sorted by elevation.
         let mut followed = Vec::<Followed>::new();
         let mut count = 0;
@@ -121,7 +123,7 @@ impl Steps {
 
 /// A beam and its last point, radians.
 struct Followed {
-    number: u32,
+    number: i64,
     azimuth: f32,
     elevation: f32,
 }

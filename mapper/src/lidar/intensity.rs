@@ -55,18 +55,24 @@ impl IntensityConfig {
 }
 
 /// What scans show; none where they show no road, or nothing that is brighter.
-pub(super) fn shown(scans: &[LidarScan], config: &MeasureConfig) -> Option<IntensityConfig> {
+fn shown(scans: &[LidarScan], full: f32, config: &MeasureConfig) -> Option<IntensityConfig> {
     let of = |value: fn(&IntensityConfig) -> f64| {
-        let shown = scans.iter().filter_map(|scan| by(scan, config));
+        let shown = scans.iter().filter_map(|scan| by(scan, full, config));
         let mut values: Vec<f64> = shown.map(|shown| value(&shown)).collect();
         quantile(&mut values, 0.5)
     };
     Some(IntensityConfig { road: of(|shown| shown.road)?, bright: of(|shown| shown.bright)? })
 }
 
-/// What was said, but for what scans contradict; none where that is nothing.
-pub(super) fn against(scans: &[LidarScan], said: &IntensityConfig, config: &MeasureConfig) -> Option<IntensityConfig> {
-    let other = shown(scans, config).filter(|shown| shown.is_other(said, config.most_times_as_bright))?;
+/// What was said, but for what scans contradict, in which `full` counts as a reflectance
+/// of 1; none where that is nothing.
+pub(super) fn against(
+    scans: &[LidarScan],
+    full: f32,
+    said: &IntensityConfig,
+    config: &MeasureConfig,
+) -> Option<IntensityConfig> {
+    let other = shown(scans, full, config).filter(|shown| shown.is_other(said, config.most_times_as_bright))?;
     // What is bright differs from street to street, and where sheeting begins is agreed on.
     let is_calibrated = other.road < config.calibrated_road_share * other.bright && other.bright < SCATTERS_ALL;
     Some(if is_calibrated { IntensityConfig { bright: CALIBRATED_BRIGHT, ..other } } else { other })
@@ -79,13 +85,13 @@ const SCATTERS_ALL: f64 = 100.0 / 255.0;
 /// nothing else brighter than 0.7.
 const CALIBRATED_BRIGHT: f64 = SCATTERS_ALL * 0.55 / 0.7;
 
-fn by(scan: &LidarScan, config: &MeasureConfig) -> Option<IntensityConfig> {
+fn by(scan: &LidarScan, full: f32, config: &MeasureConfig) -> Option<IntensityConfig> {
     if scan.points.len() < config.fewest_points {
         return None;
     }
     let road = road_heights_m(&scan.points, config)?;
     let near = |p: &Point3<f64>| is_near(p, config) && road.contains(&p.z);
-    let mut all: Vec<f64> = scan.reflectance.iter().map(|reflectance| f64::from(*reflectance)).collect();
+    let mut all: Vec<f64> = scan.reflectance.iter().map(|reflectance| f64::from(reflectance * full.recip())).collect();
     let of_road = scan.points.iter().zip(&all).filter(|(p, _)| near(p));
     let mut of_road: Vec<f64> = of_road.map(|(_, reflectance)| *reflectance).collect();
     let (road, bright) = (quantile(&mut of_road, 0.5)?, quantile(&mut all, 1.0 - config.bright_share)?);
@@ -137,7 +143,7 @@ mod tests {
     }
 
     fn told(scan: LidarScan) -> Option<IntensityConfig> {
-        against(&[scan], &IntensityConfig::default(), &MeasureConfig::default())
+        against(&[scan], 1.0, &IntensityConfig::default(), &MeasureConfig::default())
     }
 
     #[test]
@@ -161,7 +167,7 @@ mod tests {
     proptest! {
         #[test]
         fn another_scale_is_undone(times in 0.02_f32..0.5) {
-            let lidar = told(street(0.28, 0.58).brighter(times)).unwrap();
+            let lidar = told(street(0.28 * times, 0.58 * times)).unwrap();
             prop_assert!((0.85..1.15).contains(&(lidar.times_as_bright() / times)), "{lidar:?}");
         }
 

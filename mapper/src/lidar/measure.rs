@@ -170,11 +170,10 @@ fn are_alike(scans: &[LidarScan], fewest_points: usize) -> bool {
 fn intensities(scans: &[LidarScan], drive: &mut Drive, said: &LidarConfig) -> IntensityConfig {
     let reflectances = scans.iter().flat_map(|scan| &scan.reflectance);
     let full = intensity::full_scale(reflectances.copied().fold(0.0, f32::max));
-    let scaled: Vec<LidarScan> = scans.iter().map(|scan| scan.brighter(1.0 / full)).collect();
     if full > 1.0 {
         drive.notes.push(format!("an intensity of {full} counts as a reflectance of 1"));
     }
-    let shown = intensity::against(&scaled, &said.intensity, &said.measure);
+    let shown = intensity::against(scans, full, &said.intensity, &said.measure);
     if let Some(IntensityConfig { road, bright }) = shown {
         drive.notes.push(format!(
             "the scans show other intensities than `[lidar]` says: the road reflects {road:.3} and what is bright {bright:.2}; \

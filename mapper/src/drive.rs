@@ -4,6 +4,7 @@ use std::path::{Path as FilePath, PathBuf};
 
 use common::geometry::{Pose, Tangent, local};
 use common::kitti::{Scan, Sequence};
+use nalgebra::{Translation3, Vector3};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
@@ -34,6 +35,10 @@ pub struct Drive {
     /// How points are moved to the time of their scan, and the time that the
     /// lidar takes for a turn, seconds.
     pub deskew: (Deskew, f64),
+    /// Where the lidar is in the frame of the source's scans, metres.
+    lidar_at_m: [f64; 3],
+    /// Whether the camera is a thought one at the place of the lidar.
+    camera_is_thought: bool,
     /// The intensity that counts as a reflectance of 1, where it is another.
     full_scale: Option<f32>,
     /// How far apart the points are that are put into the order of the beams; none where they
@@ -88,6 +93,8 @@ pub struct Survey {
     pub times_s: Vec<f64>,
     /// `camera_from_velodyne`.
     pub camera_from_velodyne: Pose,
+    /// Whether the camera is a thought one at the place of the lidar.
+    pub camera_is_thought: bool,
 }
 
 impl Drive {
@@ -111,6 +118,7 @@ impl Drive {
             path,
             times_s: sequence.times_s()?,
             camera_from_velodyne: sequence.calibration()?.camera_from_velodyne,
+            camera_is_thought: false,
         };
         let scans = sequence.scan_frames()?;
         let choice = Choice { every, first: span.0, last: span.1 };
@@ -137,7 +145,7 @@ impl Drive {
         if frames.is_empty() {
             return Err(Error::NoScans { folder: source.folder(), every: choice.every });
         }
-        let Survey { path, map_from_camera, times_s, camera_from_velodyne } = survey;
+        let Survey { path, map_from_camera, times_s, camera_from_velodyne, camera_is_thought } = survey;
         Ok(Self {
             notes: choice.gaps(&frames).into_iter().collect(),
             source,
@@ -148,6 +156,8 @@ impl Drive {
             camera_from_velodyne,
             max_range_m,
             deskew: (Deskew::None, 0.0),
+            lidar_at_m: [0.0; 3],
+            camera_is_thought,
             full_scale: None,
             unordered: None,
         })
@@ -179,11 +189,30 @@ impl Drive {
     /// layout, whose own scans are in it, one is looked at for that: false where its points
     /// are in another.
     pub(crate) fn put_lidar(&mut self, lidar: &LidarConfig, scan: &LidarScan) -> bool {
+        self.put_lidar_at(lidar.at_m);
         let steps = Steps::of(lidar);
         self.source.put_steps(steps);
+        let steps = steps.seen_from_origin();
         let is_ordered = !self.source.is_kitti() || steps.are_in_order(&scan.points);
         self.unordered = (!is_ordered).then_some(steps);
         is_ordered
+    }
+
+    /// Says where the lidar is in the frame of the scans: all of the drive that is of the
+    /// lidar then is of that place, and a thought camera moves with it.
+    fn put_lidar_at(&mut self, at_m: [f64; 3]) {
+        let moved = Vector3::from(at_m) - Vector3::from(self.lidar_at_m);
+        if moved.norm() > 0.0 {
+            let before_from_after = Translation3::from(moved);
+            if self.camera_is_thought {
+                let camera_from_velodyne = self.camera_from_velodyne;
+                let before_from_after = camera_from_velodyne * before_from_after * camera_from_velodyne.inverse();
+                self.survey.iter_mut().for_each(|pose| *pose *= before_from_after);
+            } else {
+                self.camera_from_velodyne *= before_from_after;
+            }
+        }
+        self.lidar_at_m = at_m;
     }
 
     /// Says which intensity counts as a reflectance of 1.
@@ -202,6 +231,12 @@ impl Drive {
     /// Reads one scan as the file has it, but for the motion during it.
     pub(crate) fn read_raw(&self, frame: usize) -> Result<Scan> {
         let mut scan = self.source.read(frame, self.max_range_m)?;
+        if self.lidar_at_m.iter().any(|v| *v != 0.0) {
+            let [x_m, y_m, z_m] = self.lidar_at_m.map(|v| v as f32);
+            for p in &mut scan.points {
+                (p.x_m, p.y_m, p.z_m) = (p.x_m - x_m, p.y_m - y_m, p.z_m - z_m);
+            }
+        }
         if let Some(steps) = self.unordered {
             steps.put_in_order(&mut scan.points, &[]);
         }

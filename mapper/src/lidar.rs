@@ -2,6 +2,7 @@
 
 mod intensity;
 mod measure;
+mod place;
 
 use common::geometry::Pose;
 use nalgebra::{Point3, Vector2, Vector3};
@@ -11,12 +12,16 @@ pub use crate::sheeting::SheetingConfig;
 pub use intensity::IntensityConfig;
 pub(crate) use intensity::full_scale;
 pub use measure::{MeasureConfig, measured};
+pub use place::PlaceConfig;
 
 /// Beam pattern of the lidar. Defaults: Velodyne HDL-64E at 10 Hz, from its
 /// manual.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LidarConfig {
+    /// Where it is in the frame of its scans, metres: elsewhere than in their origin where
+    /// that is of the vehicle.
+    pub at_m: [f64; 3],
     /// Angle between neighbouring points of one beam, radians.
     pub azimuth_step_rad: f64,
     /// Mean angle between neighbouring beams, radians.
@@ -34,11 +39,14 @@ pub struct LidarConfig {
     pub sheeting: SheetingConfig,
     /// How scans say that it is another one.
     pub measure: MeasureConfig,
+    /// How they say where it is.
+    pub place: PlaceConfig,
 }
 
 impl Default for LidarConfig {
     fn default() -> Self {
         Self {
+            at_m: [0.0; 3],
             azimuth_step_rad: 0.0030,
             elevation_step_rad: 0.0073,
             apex_m: 0.21,
@@ -47,6 +55,7 @@ impl Default for LidarConfig {
             intensity: IntensityConfig::default(),
             sheeting: SheetingConfig::default(),
             measure: MeasureConfig::default(),
+            place: PlaceConfig::default(),
         }
     }
 }

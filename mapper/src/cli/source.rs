@@ -23,8 +23,8 @@ pub struct SourceArgs {
     /// day lies beside it.
     #[arg(long, value_name = "SYNC", conflicts_with_all = ["kitti", "scans", "stitched", "survey"])]
     raw: Option<PathBuf>,
-    /// A folder of scans (.las, .laz, .pcd, .ply, or .bin as KITTI's) in the
-    /// lidar's frame: x forward, y left, z up.
+    /// A folder of scans (.las, .laz, .pcd, .ply, or .bin as KITTI's) in the frame of
+    /// the lidar or the vehicle: x forward, y left, z up.
     #[arg(long, value_name = "FOLDER", requires = "survey", conflicts_with_all = ["kitti", "stitched"])]
     scans: Option<PathBuf>,
     /// A stitched cloud (.las, .laz), z up, in the world of its poses.

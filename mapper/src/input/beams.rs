@@ -19,24 +19,35 @@ const LEAST_ON: f32 = 0.5;
 /// Beams that met nothing over so many steps begin anew.
 const MOST_STEPS: f32 = 30.0;
 
-/// How far apart the points of a lidar are, radians.
+/// How far apart the points of a lidar are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Steps {
-    /// Of neighbouring beams.
+    /// Of neighbouring beams, radians.
     elevation_rad: f32,
-    /// Of neighbouring points of one.
+    /// Of neighbouring points of one, radians.
     azimuth_rad: f32,
+    /// The place that they are seen from, in their own frame, metres.
+    from_m: [f32; 3],
 }
 
 impl Steps {
-    /// Those of a lidar.
+    /// Those of a lidar, in the frame of its scans.
     pub fn of(lidar: &LidarConfig) -> Self {
-        Self { elevation_rad: lidar.elevation_step_rad as f32, azimuth_rad: lidar.azimuth_step_rad as f32 }
+        Self {
+            elevation_rad: lidar.elevation_step_rad as f32,
+            azimuth_rad: lidar.azimuth_step_rad as f32,
+            from_m: lidar.at_m.map(|v| v as f32),
+        }
     }
 
-    /// Whether points (lidar frame) are in the order of the beams.
+    /// The same in the frame of the lidar.
+    pub fn seen_from_origin(self) -> Self {
+        Self { from_m: [0.0; 3], ..self }
+    }
+
+    /// Whether points are in the order of the beams.
     pub fn are_in_order(self, points: &[Point3<f64>]) -> bool {
-        self.are_along(points.iter().map(|p| elevation(p.x as f32, p.y as f32, p.z as f32)))
+        self.are_along(points.iter().map(|p| self.elevation(p.x as f32, p.y as f32, p.z as f32)))
     }
 
     /// Whether a quarter of the points lies on the beam of the one before: in another order
@@ -51,7 +62,7 @@ impl Steps {
         4 * along >= count
     }
 
-    /// Puts the points of a scan (lidar frame) into the order of the beams and,
+    /// Puts the points of a scan into the order of the beams and,
     /// on each, of the azimuth, unless they are in the order of the beams already.
     /// `ring` is the beam of each point, where the file says it; otherwise beams
     /// are [followed](Self::beams).
@@ -70,7 +81,7 @@ impl Steps {
     pub fn cut(self, points: &mut [ScanPoint]) {
         let width_rad = self.elevation_rad * SHARE_OF_STEP;
         // From the highest down, as the beams of KITTI.
-        let beam = |p: &ScanPoint| -(elevation_of(p) / width_rad).floor() as i64;
+        let beam = |p: &ScanPoint| -(self.elevation_of(p) / width_rad).floor() as i64;
         self.arrange(points, |round, points| round.iter().map(|(_, i)| beam(&points[*i])).collect());
     }
 
@@ -78,10 +89,10 @@ impl Steps {
     /// order of the beams already. `beams` gives the beam of each of the points whose
     /// azimuths and places it gets, ascending.
     fn arrange(self, points: &mut [ScanPoint], beams: impl FnOnce(&[(f32, usize)], &[ScanPoint]) -> Vec<i64>) {
-        if self.are_along(points.iter().map(elevation_of)) {
+        if self.are_along(points.iter().map(|p| self.elevation_of(p))) {
             return;
         }
-        let mut round: Vec<(f32, usize)> = points.iter().map(azimuth).zip(0..).collect();
+        let mut round: Vec<(f32, usize)> = points.iter().map(|p| self.azimuth(p)).zip(0..).collect();
         round.sort_by(|a, b| a.0.total_cmp(&b.0));
         let places = round.iter().map(|(_, i)| points[*i]);
         let mut by_beam: Vec<(i64, ScanPoint)> = beams(&round, points).into_iter().zip(places).collect();
@@ -103,7 +114,7 @@ impl Steps {
         let mut count = 0;
         let (most_rad, least_on_rad) = (MOST_RISE * self.elevation_rad, LEAST_ON * self.azimuth_rad);
         let beam = |&(azimuth, i): &(f32, usize)| {
-            let elevation = elevation_of(&points[i]);
+            let elevation = self.elevation_of(&points[i]);
             let first = followed.partition_point(|beam| beam.elevation < elevation - most_rad);
             let near = followed[first..].iter().take_while(|beam| beam.elevation < elevation + most_rad);
             let free = (first..).zip(near).filter(|(_, beam)| azimuth - beam.azimuth >= least_on_rad);
@@ -119,6 +130,19 @@ impl Steps {
         };
         round.iter().map(beam).collect()
     }
+
+    fn azimuth(self, p: &ScanPoint) -> f32 {
+        (p.y_m - self.from_m[1]).atan2(p.x_m - self.from_m[0])
+    }
+
+    fn elevation_of(self, p: &ScanPoint) -> f32 {
+        self.elevation(p.x_m, p.y_m, p.z_m)
+    }
+
+    fn elevation(self, x_m: f32, y_m: f32, z_m: f32) -> f32 {
+        let [x0_m, y0_m, z0_m] = self.from_m;
+        (z_m - z0_m).atan2((x_m - x0_m).hypot(y_m - y0_m))
+    }
 }
 
 /// A beam and its last point, radians.
@@ -126,18 +150,6 @@ struct Followed {
     number: i64,
     azimuth: f32,
     elevation: f32,
-}
-
-fn azimuth(p: &ScanPoint) -> f32 {
-    p.y_m.atan2(p.x_m)
-}
-
-fn elevation_of(p: &ScanPoint) -> f32 {
-    elevation(p.x_m, p.y_m, p.z_m)
-}
-
-fn elevation(x_m: f32, y_m: f32, z_m: f32) -> f32 {
-    z_m.atan2(x_m.hypot(y_m))
 }
 
 #[cfg(test)]
@@ -165,7 +177,7 @@ mod tests {
         let beams = beams();
         let by_beam: Vec<ScanPoint> = beams.iter().flatten().copied().collect();
         let by_column: Vec<ScanPoint> = (0..600).flat_map(|i| beams.iter().map(move |b| b[i])).collect();
-        let steps = Steps { elevation_rad: 0.0073, azimuth_rad: 0.01 };
+        let steps = Steps { elevation_rad: 0.0073, azimuth_rad: 0.01, from_m: [0.0; 3] };
         let mut kept = by_beam.clone();
         steps.put_in_order(&mut kept, &[]);
         assert_eq!(kept, by_beam);
@@ -180,7 +192,7 @@ mod tests {
 
     #[test]
     fn beams_are_followed_past_a_vehicle_that_they_meet_in_any_order() {
-        let steps = Steps { elevation_rad: 0.0073, azimuth_rad: 0.003 };
+        let steps = Steps { elevation_rad: 0.0073, azimuth_rad: 0.003, from_m: [0.0; 3] };
         // Of a lidar 1.7 m above a plain whose beams come from 0.2 m over its origin; a
         // vehicle hides some of it 4 m ahead. The reflectance is the beam's number.
         let hit = |beam: u16, i: u16| {

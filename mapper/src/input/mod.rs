@@ -97,8 +97,11 @@ impl Source {
     /// Says how far apart the points of the lidar are, where scans are put into the order
     /// of its beams.
     pub fn put_steps(&mut self, steps: Steps) {
-        if let Self::Scans(folder) = self {
-            Arc::make_mut(folder).put_steps(steps);
+        match self {
+            Self::Scans(folder) => Arc::make_mut(folder).put_steps(steps),
+            // Opened, and nowhere else yet.
+            Self::Stitched(slices) => Arc::get_mut(slices).into_iter().for_each(|slices| slices.put_steps(steps)),
+            Self::Odometry(_) | Self::Raw(_) => {}
         }
     }
 }

@@ -27,6 +27,7 @@ pub fn open_raw(folder: &Path, calibration: Option<&Path>, choice: Choice, max_r
         map_from_camera: surveyed.map_from_camera,
         times_s,
         camera_from_velodyne: drive.camera_from_velodyne()?,
+        camera_is_thought: false,
     };
     let scans = drive.scan_frames()?;
     let mut drive = Drive::new(Source::Raw(drive), &scans, survey, choice, max_range_m)?;

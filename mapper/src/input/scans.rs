@@ -124,6 +124,7 @@ pub fn open_scans(
         map_from_camera: poses.iter().map(|pose| placement.map_from_camera(pose)).collect(),
         times_s,
         camera_from_velodyne: placement.camera_from_velodyne,
+        camera_is_thought: placement.camera_is_thought,
     };
     let frames: Vec<usize> = files.keys().copied().collect();
     let mut folder =

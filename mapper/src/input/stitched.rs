@@ -59,6 +59,11 @@ impl Slices {
         &self.cloud
     }
 
+    /// Says how far apart the points of the lidar are.
+    pub fn put_steps(&mut self, steps: Steps) {
+        self.steps = steps;
+    }
+
     /// The file of a slice.
     pub fn scan_path(&self, frame: usize) -> PathBuf {
         self.folder.path().join(format!("{frame:06}.bin"))
@@ -148,7 +153,8 @@ pub fn open_stitched(
     notes.push("a stitched cloud has no single scans: its poses are taken as given, and what moved stays in it".into());
     let times_s = times_s.unwrap_or_else(|| assumed_times_s(poses.len()));
     let path = input.survey.to_path_buf();
-    let survey = Survey { path, map_from_camera, times_s, camera_from_velodyne: placement.camera_from_velodyne };
+    let Placement { camera_from_velodyne, camera_is_thought, .. } = placement;
+    let survey = Survey { path, map_from_camera, times_s, camera_from_velodyne, camera_is_thought };
     let mut drive = Drive::new(Source::Stitched(slices.into()), &places, survey, choice, max_range_m)?;
     drive.notes = notes;
     drive.frames = places;

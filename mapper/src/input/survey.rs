@@ -41,6 +41,8 @@ pub struct Placement {
     frame: SurveyFrame,
     /// `camera_from_velodyne`.
     pub camera_from_velodyne: Pose,
+    /// Whether the camera is a thought one at the place of the lidar, whose poses are given.
+    pub camera_is_thought: bool,
     /// What is taken off the coordinates of the survey's world, metres.
     pub reduced_by_m: Vector3<f64>,
 }
@@ -64,7 +66,13 @@ impl Placement {
         };
         let at = first.map_or_else(Vector3::zeros, |pose| pose.translation.vector);
         let reduced = |v: f64| if v.abs() > FARTHEST_M { (v / REDUCED_BY_M).floor() * REDUCED_BY_M } else { 0.0 };
-        Ok(Self { frame, camera_from_velodyne, reduced_by_m: reduced_by_m.unwrap_or_else(|| at.map(reduced)) })
+        let camera_is_thought = calibration.is_none() && frame == SurveyFrame::Lidar;
+        Ok(Self {
+            frame,
+            camera_from_velodyne,
+            camera_is_thought,
+            reduced_by_m: reduced_by_m.unwrap_or_else(|| at.map(reduced)),
+        })
     }
 
     /// `map_from_camera` of a pose of the survey.

@@ -89,7 +89,7 @@ fn by(scan: &LidarScan, full: f32, config: &MeasureConfig) -> Option<IntensityCo
     if scan.points.len() < config.fewest_points {
         return None;
     }
-    let road = road_heights_m(&scan.points, config)?;
+    let road = road_heights_m(&scan.points, config, 0.0)?;
     let near = |p: &Point3<f64>| is_near(p, config) && road.contains(&p.z);
     let mut all: Vec<f64> = scan.reflectance.iter().map(|reflectance| f64::from(reflectance * full.recip())).collect();
     let of_road = scan.points.iter().zip(&all).filter(|(p, _)| near(p));
@@ -105,17 +105,21 @@ fn is_near(p: &Point3<f64>, config: &MeasureConfig) -> bool {
 }
 
 /// Heights of the road near the vehicle, lidar frame, metres: those around which most of
-/// what lies below the lidar does.
-fn road_heights_m(points: &[Point3<f64>], config: &MeasureConfig) -> Option<RangeInclusive<f64>> {
+/// what lies below `highest_m` does.
+pub(super) fn road_heights_m(
+    points: &[Point3<f64>],
+    config: &MeasureConfig,
+    highest_m: f64,
+) -> Option<RangeInclusive<f64>> {
     let slice_m = config.road_within_m;
     let mut counts = [0_usize; 64];
-    for p in points.iter().filter(|p| p.z < 0.0 && is_near(p, config)) {
-        if let Some(count) = counts.get_mut((-p.z / slice_m) as usize) {
+    for p in points.iter().filter(|p| p.z < highest_m && is_near(p, config)) {
+        if let Some(count) = counts.get_mut(((highest_m - p.z) / slice_m) as usize) {
             *count += 1;
         }
     }
     let (most, count) = counts.iter().enumerate().max_by_key(|(_, count)| **count)?;
-    let middle_m = -slice_m * (most as f64 + 0.5);
+    let middle_m = highest_m - slice_m * (most as f64 + 0.5);
     (*count > 0).then_some(middle_m - slice_m..=middle_m + slice_m)
 }
 

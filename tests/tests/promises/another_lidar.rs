@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
-use common::kitti::{ScanPoint, read_poses, read_scan, write_scan};
+use common::geometry::Pose;
+use common::kitti::{Calibration, ScanPoint, poses_text, read_poses, read_scan, write_scan};
+use nalgebra::{Matrix3, Translation3, UnitQuaternion, Vector3};
 use waymark_tests::map_score::{MapScore, score};
 
-use crate::support::{build, generate, text};
+use crate::support::{build, generate, run, text};
 
 /// What lies farther from the path does not count, metres.
 const BESIDE_PATH_M: f64 = 12.0;
@@ -111,9 +113,48 @@ fn sixteen_beams_do_not_hold_the_survey_back() {
     // The survey is right to 2 cm; what single beams leave on the ground and on hedges moves
     // with the lidar.
     let (found, exact) = (read_poses(&poses).unwrap(), read_poses(drive.join("truth/poses.txt")).unwrap());
-    let way_m = |poses: &[common::geometry::Pose]| -> Vec<f64> {
+    let way_m = |poses: &[Pose]| -> Vec<f64> {
         poses.windows(2).map(|pair| (pair[1].translation.vector - pair[0].translation.vector).norm()).collect()
     };
     let off_m: Vec<f64> = way_m(&found).iter().zip(way_m(&exact)).map(|(found, exact)| found - exact).collect();
     assert!(off_m.len() == 39 && off_m.iter().all(|off_m| off_m.abs() < 0.1), "{off_m:?}");
+}
+
+#[test]
+fn scans_in_the_frame_of_the_vehicle_say_where_the_lidar_is() {
+    let root = tempfile::tempdir().unwrap();
+    let (drive, map, survey) =
+        (root.path().join("drive"), root.path().join("map.csm"), root.path().join("vehicle.txt"));
+    generate(&drive, "", &["--world", "street", "--frames", "120", "--scan-every", "5"]).ok();
+    // Its origin is on the road, below the rear axle; no camera is known.
+    let at = [0.9_f32, 0.2, 1.73];
+    rewrite(&drive, |points| {
+        for p in points {
+            (p.x_m, p.y_m, p.z_m) = (p.x_m + at[0], p.y_m + at[1], p.z_m + at[2]);
+        }
+    });
+    let calibration = Calibration::read(drive.join("sequences/00/calib.txt")).unwrap();
+    let camera_from_vehicle =
+        calibration.camera_from_velodyne * Translation3::from(Vector3::from(at.map(|v| -f64::from(v))));
+    let poses = read_poses(drive.join("poses/00.txt")).unwrap();
+    // Of a world with z up, whose map is that of the camera.
+    let axes: Matrix3<f64> = Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0);
+    let world_from_map = Pose::from_parts(Translation3::identity(), UnitQuaternion::from_matrix(&axes).inverse());
+    let poses: Vec<Pose> = poses.iter().map(|pose| world_from_map * pose * camera_from_vehicle).collect();
+    std::fs::write(&survey, poses_text(&poses)).unwrap();
+
+    let scans = drive.join("sequences/00/velodyne");
+    let command = ["build", "--scans", text(&scans), "--survey", text(&survey), "--out", text(&map)];
+    let said = run("mapper", &command).ok();
+    let note = said.lines().find(|line| line.contains("the origin of the scans is not the lidar")).unwrap();
+    let place = &note[note.find('(').unwrap() + 1..note.find(')').unwrap()];
+    let place: Vec<f64> = place.split(", ").map(|v| v.parse().unwrap()).collect();
+    // The upper beams of an HDL-64E come from 0.21 m over its origin.
+    let off: Vector3<f64> = Vector3::from_column_slice(&place) - Vector3::from(at.map(f64::from)) - 0.21 * Vector3::z();
+    assert!(off.z.abs() < 0.15 && off.xy().norm() < 0.8, "{note}");
+    let MapScore { poles, lanes, .. } = scored(&map, &drive);
+    println!("poles {poles:?}, lanes {lanes:?}");
+    for (found, least) in [(&poles, 0.85), (&lanes, 0.9)] {
+        assert!(found.recall() >= least && found.precision() >= least, "{found:?}");
+    }
 }

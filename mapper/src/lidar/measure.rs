@@ -151,8 +151,8 @@ fn with_place(scans: &mut [LidarScan], drive: &mut Drive, said: &LidarConfig) ->
     let why =
         if shows_beams { "where its beams meet" } else { "at the usual height over the road, for it shows no beams" };
     drive.notes.push(format!(
-        "the origin of the scans is not the lidar: that is taken to be at ({x:.2}, {y:.2}, {z:.2}) m, {why}; `lidar.at_m` \
-         says it, with `lidar.measure.is_on = false` alone"
+        "the origin of the scans is not the lidar: that is taken to be at ({x:.2}, {y:.2}, {z:.2}) m, {why}; say \
+         `lidar.at_m` if it is elsewhere"
     ));
     LidarConfig { at_m, apex_m: 0.0, ..*said }
 }

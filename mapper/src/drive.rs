@@ -200,7 +200,7 @@ impl Drive {
 
     /// Says where the lidar is in the frame of the scans: all of the drive that is of the
     /// lidar then is of that place, and a thought camera moves with it.
-    fn put_lidar_at(&mut self, at_m: [f64; 3]) {
+    pub(crate) fn put_lidar_at(&mut self, at_m: [f64; 3]) {
         let moved = Vector3::from(at_m) - Vector3::from(self.lidar_at_m);
         if moved.norm() > 0.0 {
             let before_from_after = Translation3::from(moved);

@@ -116,17 +116,15 @@ pub fn measured(drive: &mut Drive, said: &LidarConfig) -> Result<LidarConfig> {
     let (scans, last) = (if is_on { scans } else { 1 }, drive.frames.len().saturating_sub(1));
     let step = last / scans.saturating_sub(1).max(1);
     let frames: Vec<usize> = drive.frames.iter().copied().step_by(step.max(1)).take(scans).collect();
+    drive.put_lidar_at(said.at_m);
     let mut scans: Vec<LidarScan> = frames.iter().map(|frame| drive.read(*frame, 0.0)).collect::<Result<_>>()?;
-    see_from(&mut scans, &said.at_m.into());
     let mut lidar = if is_on { with_place(&mut scans, drive, said) } else { *said };
-    if drive.has_single_scans() {
-        lidar = if is_on { with_beams(&scans, drive, &lidar) } else { lidar };
-        let is_in_order = scans.first().is_none_or(|scan| drive.put_lidar(&lidar, scan));
-        if !is_in_order {
-            drive.notes.push("the points of the scans are put into the order of the beams".into());
-        }
-    } else if let Some(scan) = scans.first() {
-        drive.put_lidar(&lidar, scan);
+    if is_on && drive.has_single_scans() {
+        lidar = with_beams(&scans, drive, &lidar);
+    }
+    let is_in_order = scans.first().is_none_or(|scan| drive.put_lidar(&lidar, scan));
+    if !is_in_order {
+        drive.notes.push("the points of the scans are put into the order of the beams".into());
     }
     if are_alike(&scans, said.measure.fewest_points) {
         drive.notes.push(
@@ -145,7 +143,7 @@ pub fn measured(drive: &mut Drive, said: &LidarConfig) -> Result<LidarConfig> {
 /// The lidar with the place that its scans show, from which these are then seen.
 fn with_place(scans: &mut [LidarScan], drive: &mut Drive, said: &LidarConfig) -> LidarConfig {
     let Some(Place { at, shows_beams }) = place::of(scans, said) else { return *said };
-    see_from(scans, &at);
+    scans.iter_mut().flat_map(|scan| &mut scan.points).for_each(|p| *p -= at);
     let at_m: [f64; 3] = (Vector3::from(said.at_m) + at).into();
     let [x, y, z] = at_m;
     let why =
@@ -155,13 +153,6 @@ fn with_place(scans: &mut [LidarScan], drive: &mut Drive, said: &LidarConfig) ->
          `lidar.at_m` if it is elsewhere"
     ));
     LidarConfig { at_m, apex_m: 0.0, ..*said }
-}
-
-/// Moves the origin of scans to a place, metres.
-fn see_from(scans: &mut [LidarScan], at: &Vector3<f64>) {
-    if at.norm() > 0.0 {
-        scans.iter_mut().flat_map(|scan| &mut scan.points).for_each(|p| *p -= at);
-    }
 }
 
 /// The lidar with the beams that its scans show.

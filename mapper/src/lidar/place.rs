@@ -36,9 +36,11 @@ pub struct PlaceConfig {
     /// A place nearer to the origin than this is no other, metres: all else tells posts and
     /// lines as well from as far off.
     pub least_off_m: f64,
-    /// Least height of the origin over the road, metres, at which it may be a lidar's
-    /// that shows no beams; and the height that is taken otherwise.
-    pub without_beams_m: [f64; 2],
+    /// Least height of a lidar over the road, metres: an origin that is lower is none's.
+    pub least_height_m: f64,
+    /// Height over the road at which a lidar is taken to be that shows no beams and is not in
+    /// the origin, metres: on the roof of a car.
+    pub assumed_height_m: f64,
 }
 
 impl Default for PlaceConfig {
@@ -50,7 +52,8 @@ impl Default for PlaceConfig {
             nearest_m: 8.0,
             least_sharper: 1.3,
             least_off_m: 0.4,
-            without_beams_m: [0.35, 1.8],
+            least_height_m: 0.35,
+            assumed_height_m: 1.8,
         }
     }
 }
@@ -93,12 +96,11 @@ pub(super) fn of(scans: &[LidarScan], lidar: &LidarConfig) -> Option<Place> {
     }
     if let Some(at) = apex(scans, road_m, config) {
         // Beams come from the origin of a lidar, or from its apex over it.
-        let off_m = at.z.min(at.z - lidar.apex_m).max(0.0).max(-at.z);
+        let off_m = (at.z - lidar.apex_m.max(0.0)).max(lidar.apex_m.min(0.0) - at.z);
         return (at.xy().norm().max(off_m) > config.least_off_m).then_some(Place { at, shows_beams: true });
     }
-    let [without_m, usual_m] = config.without_beams_m;
-    let at = Vector3::new(0.0, 0.0, road_m + usual_m);
-    (-road_m < without_m).then_some(Place { at, shows_beams: false })
+    let at = Vector3::new(0.0, 0.0, road_m + config.assumed_height_m);
+    (-road_m < config.least_height_m).then_some(Place { at, shows_beams: false })
 }
 
 /// The height of the road near the vehicle, metres in the frame of a scan.
@@ -123,15 +125,16 @@ fn apex(scans: &[LidarScan], road_m: f64, config: &PlaceConfig) -> Option<Vector
 
     let ahead = steps([-far_x_m, far_x_m], coarse_m);
     // The origin may be that of a small robot's lidar.
-    let origin = (-road_m >= config.without_beams_m[0]).then(Vector3::zeros);
+    let origin = (-road_m >= config.least_height_m).then(Vector3::zeros);
     let all = sharpness_of(ahead.flat_map(|x| upwards(x, 0.0)).chain(origin).collect());
     let elsewhere = quantile(&mut all.iter().map(|(sharpness, _)| *sharpness).collect::<Vec<_>>(), 0.5)?;
     let (_, first) = sharpest(&all)?;
-    let upwards = |x: f64, y: f64| upwards(x, y).chain([Vector3::new(x, y, first.z)]);
     let around = steps([first.x - coarse_m, first.x + coarse_m], fine_m)
         .flat_map(|x| steps([-far_y_m, far_y_m], fine_m).map(move |y| Vector3::new(x, y, first.z)));
     let (_, beside) = sharpest(&sharpness_of(around.collect()))?;
-    let (most, at) = sharpest(&sharpness_of(upwards(beside.x, beside.y).collect()))?;
+    // The height of the origin is none of the steps.
+    let over = upwards(beside.x, beside.y).chain([beside]);
+    let (most, at) = sharpest(&sharpness_of(over.collect()))?;
     (most > config.least_sharper * elsewhere).then_some(at)
 }
 

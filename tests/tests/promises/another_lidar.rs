@@ -144,17 +144,33 @@ fn scans_in_the_frame_of_the_vehicle_say_where_the_lidar_is() {
     std::fs::write(&survey, poses_text(&poses)).unwrap();
 
     let scans = drive.join("sequences/00/velodyne");
-    let command = ["build", "--scans", text(&scans), "--survey", text(&survey), "--out", text(&map)];
-    let said = run("mapper", &command).ok();
-    let note = said.lines().find(|line| line.contains("the origin of the scans is not the lidar")).unwrap();
-    let place = &note[note.find('(').unwrap() + 1..note.find(')').unwrap()];
-    let place: Vec<f64> = place.split(", ").map(|v| v.parse().unwrap()).collect();
-    // The upper beams of an HDL-64E come from 0.21 m over its origin.
-    let off: Vector3<f64> = Vector3::from_column_slice(&place) - Vector3::from(at.map(f64::from)) - 0.21 * Vector3::z();
-    assert!(off.z.abs() < 0.15 && off.xy().norm() < 0.8, "{note}");
-    let MapScore { poles, lanes, .. } = scored(&map, &drive);
-    println!("poles {poles:?}, lanes {lanes:?}");
-    for (found, least) in [(&poles, 0.85), (&lanes, 0.9)] {
-        assert!(found.recall() >= least && found.precision() >= least, "{found:?}");
+    let by_vehicle = ["--survey", text(&survey)];
+    let (given, calib) = (drive.join("poses/00.txt"), root.path().join("calib.txt"));
+    write_tr(&drive.join("sequences/00/calib.txt"), &camera_from_vehicle, &calib);
+    let by_camera = ["--survey", text(&given), "--survey-frame", "camera", "--calib", text(&calib)];
+    for poses in [&by_vehicle[..], &by_camera] {
+        let command = ["build", "--scans", text(&scans), "--out", text(&map)];
+        let said = run("mapper", &[&command, poses].concat()).ok();
+        let note = said.lines().find(|line| line.contains("the origin of the scans is not the lidar")).unwrap();
+        let place = &note[note.find('(').unwrap() + 1..note.find(')').unwrap()];
+        let place: Vec<f64> = place.split(", ").map(|v| v.parse().unwrap()).collect();
+        // The upper beams of an HDL-64E come from 0.21 m over its origin.
+        let off: Vector3<f64> =
+            Vector3::from_column_slice(&place) - Vector3::from(at.map(f64::from)) - 0.21 * Vector3::z();
+        assert!(off.z.abs() < 0.15 && off.xy().norm() < 0.8, "{note}");
+        let MapScore { poles, lanes, .. } = scored(&map, &drive);
+        println!("poles {poles:?}, lanes {lanes:?}");
+        for (found, least) in [(&poles, 0.85), (&lanes, 0.9)] {
+            assert!(found.recall() >= least && found.precision() >= least, "{found:?}");
+        }
     }
+}
+
+/// Writes a calibration with another `Tr`.
+fn write_tr(calib: &Path, camera_from_scans: &Pose, to: &Path) {
+    let rows = camera_from_scans.to_homogeneous().fixed_rows::<3>(0).transpose();
+    let tr: Vec<String> = rows.iter().map(f64::to_string).collect();
+    let kept = std::fs::read_to_string(calib).unwrap();
+    let kept: Vec<&str> = kept.lines().filter(|line| !line.starts_with("Tr")).collect();
+    std::fs::write(to, format!("{}\nTr: {}\n", kept.join("\n"), tr.join(" "))).unwrap();
 }

@@ -38,7 +38,7 @@ enum Command {
 }
 
 /// Where the settings come from.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, Default, Args)]
 pub struct ConfigArgs {
     /// TOML file with what differs from the defaults.
     #[arg(long, value_name = "FILE")]

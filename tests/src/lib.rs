@@ -4,6 +4,7 @@ pub mod ablation;
 pub mod budget_curve;
 pub mod cli;
 pub mod data;
+pub mod drives;
 pub mod evidence_score;
 pub mod faults;
 pub mod figures;

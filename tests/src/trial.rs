@@ -20,6 +20,7 @@ use localizer::odometry::OdometryLog;
 use localizer::output::Recorded;
 use localizer::projection::ImageSize;
 use localizer::run::{FrameFeatures, FrameResult, Localizer, Method, localize};
+use localizer::vision::network::Runtime;
 use localizer::watch::{self, Delivery, odometry};
 use serde::Serialize;
 
@@ -110,6 +111,23 @@ impl Images {
 }
 
 impl LookArgs {
+    /// A generated drive, from its label images, and what its wheels say.
+    pub fn of_labels(drive: &Path, map: &Path, truth: &Path, odometry: Option<PathBuf>) -> Self {
+        let input = InputArgs {
+            map: Some(map.to_path_buf()),
+            kitti: Some(drive.to_path_buf()),
+            sequence: "00".to_owned(),
+            pole_net: None,
+            lane_net: None,
+            runtime: Runtime::default(),
+            labels: Some(drive.join("sequences/00/labels_2")),
+            truth: Some(truth.to_path_buf()),
+            first: 0,
+            last: None,
+        };
+        Self { input, seed: 0, odometry, config: ConfigArgs::default() }
+    }
+
     /// The same, of a folder with other images of its sequence: the poses are where
     /// they were.
     #[must_use]
@@ -295,6 +313,15 @@ pub struct Hazard {
     pub support: f64,
     /// Over the best rival, nats.
     pub margin: f64,
+}
+
+impl Figures {
+    /// How many frames are called so.
+    pub fn ok_degraded_lost(&self) -> [usize; 3] {
+        let count = |share: f64| (share * self.frames as f64).round() as usize;
+        let (flagged, lost) = (count(self.flagged), count(self.lost));
+        [self.frames - flagged, flagged - lost, lost]
+    }
 }
 
 impl Hazard {

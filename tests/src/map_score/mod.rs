@@ -42,6 +42,16 @@ impl Found {
     pub fn precision(&self) -> f64 {
         share(self.right, self.claimed)
     }
+
+    /// With those of another map.
+    pub fn add(&mut self, other: &Self) {
+        let squares = [*self, *other].map(|found| found.hits * found.off_m.powi(2));
+        self.wanted += other.wanted;
+        self.hits += other.hits;
+        self.claimed += other.claimed;
+        self.right += other.right;
+        self.off_m = (squares.iter().sum::<f64>() / self.hits.max(f64::MIN_POSITIVE)).sqrt();
+    }
 }
 
 fn share(part: f64, whole: f64) -> f64 {

@@ -59,6 +59,7 @@ pub const LIMITS: &[Limits] = &[
     limits("quantum_m", 0.001, 1.0),
     limits("input.full_intensity", 0.0, 1e9),
     limits("input.held_points", 1000.0, 1e12),
+    limits("input.reach_m", 1.0, 1e6),
     limits("input.*_s", 0.0, 3600.0),
     limits("lidar.*_step_rad", 1e-5, 0.2),
     limits("lidar.apex_m", -10.0, 10.0),

@@ -188,14 +188,14 @@ impl Drive {
     /// Says what the lidar is like, into the order of whose beams points are put. Of KITTI's
     /// layout, whose own scans are in it, one is looked at for that: false where its points
     /// are in another.
-    pub(crate) fn put_lidar(&mut self, lidar: &LidarConfig, scan: &LidarScan) -> bool {
+    pub(crate) fn put_lidar(&mut self, lidar: &LidarConfig, scan: &LidarScan) -> Result<bool> {
         self.put_lidar_at(lidar.at_m);
         let steps = Steps::of(lidar);
-        self.source.put_steps(steps);
+        self.source.put_lidar(lidar)?;
         let steps = steps.seen_from_origin();
         let is_ordered = !self.source.is_kitti() || steps.are_in_order(&scan.points);
         self.unordered = (!is_ordered).then_some(steps);
-        is_ordered
+        Ok(is_ordered)
     }
 
     /// Says where the lidar is in the frame of the scans: all of the drive that is of the

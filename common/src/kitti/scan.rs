@@ -77,7 +77,8 @@ impl ScanPoint {
         Self { x_m: value(0), y_m: value(4), z_m: value(8), reflectance: value(12) }
     }
 
-    fn to_le_bytes(self) -> [u8; POINT_BYTES] {
+    /// Its bytes in a file of KITTI.
+    pub fn to_le_bytes(self) -> [u8; POINT_BYTES] {
         let mut bytes = [0; POINT_BYTES];
         let values = [self.x_m, self.y_m, self.z_m, self.reflectance];
         for (slot, value) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(values) {

@@ -21,11 +21,13 @@ pub struct InputConfig {
     /// Points of a stitched cloud that are held in memory before they go to
     /// the disk.
     pub held_points: usize,
+    /// How far the lidar saw that made a stitched cloud without times, metres.
+    pub reach_m: f64,
 }
 
 impl Default for InputConfig {
     fn default() -> Self {
-        Self { longest_gap_s: 0.5, full_intensity: 0.0, turn_s: 0.1, held_points: 4_000_000 }
+        Self { longest_gap_s: 0.5, full_intensity: 0.0, turn_s: 0.1, held_points: 4_000_000, reach_m: 60.0 }
     }
 }
 

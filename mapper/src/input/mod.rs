@@ -13,10 +13,12 @@
 
 mod beams;
 mod config;
+mod deal;
 mod deskew;
 mod formats;
 mod raw;
 mod scans;
+mod slices;
 mod stitched;
 mod survey;
 
@@ -33,6 +35,7 @@ pub use self::scans::{ScanInput, open_scans};
 pub use self::stitched::open_stitched;
 pub use self::survey::SurveyFrame;
 use crate::error::Result;
+use crate::lidar::LidarConfig;
 
 /// Where scans are read from.
 #[derive(Debug, Clone)]
@@ -44,7 +47,7 @@ pub(crate) enum Source {
     /// A folder of scans.
     Scans(Arc<scans::ScanFolder>),
     /// A stitched cloud, cut along its trajectory.
-    Stitched(Arc<stitched::Slices>),
+    Stitched(Arc<slices::Slices>),
 }
 
 impl Source {
@@ -94,15 +97,22 @@ impl Source {
         matches!(self, Self::Odometry(_) | Self::Raw(_))
     }
 
-    /// Says how far apart the points of the lidar are, where scans are put into the order
-    /// of its beams.
-    pub fn put_steps(&mut self, steps: Steps) {
+    /// Says what the lidar is like, where scans are put into the order of its beams.
+    ///
+    /// # Errors
+    /// Where slices of a cloud cannot be read or written.
+    pub fn put_lidar(&mut self, lidar: &LidarConfig) -> Result<()> {
         match self {
-            Self::Scans(folder) => Arc::make_mut(folder).put_steps(steps),
+            Self::Scans(folder) => Arc::make_mut(folder).put_steps(Steps::of(lidar)),
             // Opened, and nowhere else yet.
-            Self::Stitched(slices) => Arc::get_mut(slices).into_iter().for_each(|slices| slices.put_steps(steps)),
+            Self::Stitched(slices) => {
+                if let Some(slices) = Arc::get_mut(slices) {
+                    slices.put_lidar(lidar)?;
+                }
+            }
             Self::Odometry(_) | Self::Raw(_) => {}
         }
+        Ok(())
     }
 }
 

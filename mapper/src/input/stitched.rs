@@ -11,22 +11,20 @@
 //! would be near none.
 //!
 //! A slice is no scan: it holds what was seen from elsewhere, too. So poses
-//! are taken as they are, and nothing that compares scans can be told.
+//! are taken as they are, and nothing that compares scans can be told. What stands in slices
+//! that are cut in space is [dealt](super::deal) to the places that may have seen it.
 
-use std::fs::OpenOptions;
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use common::geometry::Pose;
-use common::kitti::{Scan, read_scan};
+use common::kitti::ScanPoint;
 use nalgebra::{Point2, Point3};
-use tempfile::TempDir;
 
 use super::Source;
-use super::beams::Steps;
 use super::config::InputConfig;
 use super::formats::{at_a_time, cut_off, las_reader};
 use super::scans::ScanInput;
+use super::slices::{Held, Slices};
 use super::survey::{Placement, Poses, assumed_times_s, times_of_rows};
 use crate::drive::{Choice, Drive, Survey};
 use crate::error::{Error, Result};
@@ -37,55 +35,6 @@ use crate::path::{Path as DrivenPath, Way};
 /// where it was then, for the times to be believed. Points of other times say
 /// nothing: a cloud may begin before the trajectory and end after it.
 const TIMED_SHARE: f64 = 0.5;
-
-/// A stitched cloud in slices.
-#[derive(Debug)]
-pub struct Slices {
-    cloud: PathBuf,
-    folder: TempDir,
-    full_scale: f32,
-    steps: Steps,
-}
-
-impl Slices {
-    /// Its name, for people.
-    pub fn name(&self) -> String {
-        let name = self.cloud.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-        format!("cloud {name}")
-    }
-
-    /// The stitched cloud.
-    pub fn cloud(&self) -> &Path {
-        &self.cloud
-    }
-
-    /// Says how far apart the points of the lidar are.
-    pub fn put_steps(&mut self, steps: Steps) {
-        self.steps = steps;
-    }
-
-    /// The file of a slice.
-    pub fn scan_path(&self, frame: usize) -> PathBuf {
-        self.folder.path().join(format!("{frame:06}.bin"))
-    }
-
-    /// A slice; one without a point is empty.
-    ///
-    /// # Errors
-    /// As [`read_scan`].
-    pub fn read(&self, frame: usize, max_range_m: f32) -> Result<Scan> {
-        let path = self.scan_path(frame);
-        if !path.exists() {
-            return Ok(Scan::default());
-        }
-        let mut scan = read_scan(&path, max_range_m)?;
-        for p in &mut scan.points {
-            p.reflectance /= self.full_scale;
-        }
-        self.steps.cut(&mut scan.points);
-        Ok(scan)
-    }
-}
 
 /// Opens a stitched LAS or LAZ cloud, in the world of its trajectory.
 ///
@@ -126,8 +75,9 @@ pub fn open_stitched(
         Some(times_s) => with_ends(&chosen, times_s, &choice, config.longest_gap_s),
         None => chosen,
     };
-    let folder = tempfile::tempdir().map_err(common::Error::io(std::env::temp_dir()))?;
-    let cut = cutter(&places).cut(input.path, folder.path(), timed)?;
+    let cutter = cutter(&places);
+    let mut slices = Slices::new(input.path, lidar)?;
+    let cut = cutter.cut(input.path, slices.folder(), timed)?;
     if cut.used == 0 {
         return Err(Error::CloudApart {
             cloud: input.path.to_path_buf(),
@@ -135,20 +85,18 @@ pub fn open_stitched(
             points: cut.points,
         });
     }
-    let slices = Slices {
-        cloud: input.path.to_path_buf(),
-        folder,
-        full_scale: config.full_scale(cut.largest_intensity),
-        steps: Steps::of(lidar),
-    };
+    slices.put_full_scale(config.full_scale(cut.largest_intensity));
+    if !timed {
+        slices.cut_in_space(places.iter().copied().zip(cutter.velodyne_from_map).collect(), config);
+    }
     let mut notes: Vec<String> = placement.note().into_iter().collect();
     notes.push(format!(
         "{} of {} points lie along the trajectory, cut by {}; intensities up to {}, of which {} counts as a reflectance of 1",
         cut.used,
         cut.points,
-        if timed { "time" } else { "position" },
+        if timed { "time" } else { "position, and what stands dealt to the places that may have seen it" },
         cut.largest_intensity,
-        slices.full_scale
+        slices.full_scale()
     ));
     notes.push("a stitched cloud has no single scans: its poses are taken as given, and what moved stays in it".into());
     let times_s = times_s.unwrap_or_else(|| assumed_times_s(poses.len()));
@@ -266,8 +214,7 @@ impl<'a> Cutter<'a> {
         let mut reader = las_reader(cloud)?;
         let promised = reader.header().number_of_points();
         let mut cut = Cut { points: 0, used: 0, largest_intensity: 0.0 };
-        let mut held: Vec<Vec<u8>> = vec![Vec::new(); self.places.len()];
-        let mut holding = 0;
+        let mut held = Held::new(folder, self.places, self.config.held_points);
         loop {
             let data = reader.read_points(at_a_time(&reader)).map_err(|e| Error::las(cloud, &e))?;
             if data.is_empty() {
@@ -286,36 +233,16 @@ impl<'a> Cutter<'a> {
                 let Some(point) = self.seen_from(place, &point_map) else { continue };
                 let intensity = f32::from(intensity);
                 cut.largest_intensity = cut.largest_intensity.max(intensity);
-                for value in [point.x as f32, point.y as f32, point.z as f32, intensity] {
-                    held[place].extend(value.to_le_bytes());
-                }
+                let [x_m, y_m, z_m] = [point.x as f32, point.y as f32, point.z as f32];
+                held.add(place, ScanPoint { x_m, y_m, z_m, reflectance: intensity })?;
                 cut.used += 1;
-                holding += 1;
-            }
-            if holding >= self.config.held_points {
-                self.put_away(folder, &mut held)?;
-                holding = 0;
             }
         }
         if (cut.points as u64) < promised {
             return Err(cut_off(cloud, promised, cut.points));
         }
-        self.put_away(folder, &mut held)?;
+        held.put_away()?;
         Ok(cut)
-    }
-
-    /// Appends what is held to the slices on the disk.
-    fn put_away(&self, folder: &Path, held: &mut [Vec<u8>]) -> Result<()> {
-        for (place, bytes) in self.places.iter().zip(held) {
-            if bytes.is_empty() {
-                continue;
-            }
-            let path = folder.join(format!("{place:06}.bin"));
-            let file = OpenOptions::new().create(true).append(true).open(&path);
-            file.and_then(|mut file| file.write_all(bytes)).map_err(common::Error::io(&path))?;
-            *bytes = Vec::new();
-        }
-        Ok(())
     }
 }
 

@@ -122,7 +122,7 @@ pub fn measured(drive: &mut Drive, said: &LidarConfig) -> Result<LidarConfig> {
     if is_on && drive.has_single_scans() {
         lidar = with_beams(&scans, drive, &lidar);
     }
-    let is_in_order = scans.first().is_none_or(|scan| drive.put_lidar(&lidar, scan));
+    let is_in_order = scans.first().map_or(Ok(true), |scan| drive.put_lidar(&lidar, scan))?;
     if !is_in_order {
         drive.notes.push("the points of the scans are put into the order of the beams".into());
     }

@@ -1,0 +1,196 @@
+//! Who saw the points of a cloud that was stitched without times.
+//!
+//! Cut where it lies, a slice of such a cloud holds what was seen of it from near and far, and
+//! all of a post is of one place: nothing is seen twice, and nothing is seen as often as a
+//! lidar would that passes it. So what stands is dealt to the places that it may have been seen
+//! from: to each as much of it as its distance lets a lidar see from there. What lies on the
+//! ground stays where it is, as lane paint is told from the road around it.
+
+use std::collections::HashMap;
+
+use common::geometry::Pose;
+use common::kitti::ScanPoint;
+use nalgebra::{Point3, Vector3};
+
+use crate::lidar::LidarConfig;
+
+/// Side of the cells whose lowest point is the ground, metres.
+const CELL_M: f32 = 0.5;
+/// What is higher than this over it stands, metres: kerbs and what grows on verges lie.
+const LYING_M: f32 = 0.3;
+/// The golden ratio: its multiples, less their whole parts, are spread evenly however many
+/// there are.
+const GOLDEN: f64 = 1.618_033_988_749_895;
+/// Square of the least distance that counts, metres: nearer is the vehicle itself.
+const LEAST_RANGE_M2: f64 = 1.0;
+
+/// Deals points to the places of a trajectory.
+pub struct Dealer<'a> {
+    /// `velodyne_from_map` of each place.
+    velodyne_from_map: &'a [Pose],
+    /// Where the beams come from in the frame of the scans, metres.
+    apex: Point3<f64>,
+    /// Least and greatest rise of a beam, per metre.
+    rise: [f64; 2],
+    reach_m: f64,
+}
+
+/// A place as another one sees it.
+struct Seer {
+    /// Its number.
+    place: usize,
+    there_from_here: Pose,
+    /// Where its beams come from.
+    apex: Point3<f64>,
+    /// What is up there.
+    up: Vector3<f64>,
+}
+
+impl<'a> Dealer<'a> {
+    /// Deals to a lidar at these places that sees no farther than `reach_m`.
+    pub fn new(velodyne_from_map: &'a [Pose], lidar: &LidarConfig, reach_m: f64) -> Self {
+        let apex = Point3::from(lidar.at_m) + Vector3::z() * lidar.apex_m;
+        Self { velodyne_from_map, apex, rise: [lidar.lowest_rad.tan(), lidar.highest_rad.tan()], reach_m }
+    }
+
+    /// Deals the points of the slice of a place, in the frame of its scan: each with the place
+    /// that it is dealt to, and in the frame of that.
+    pub fn deal(&self, place: usize, points: &[ScanPoint]) -> Vec<(usize, ScanPoint)> {
+        let seers = self.around(place);
+        let ground = Ground::under(points);
+        let mut standing = 0_u32;
+        let mut shares = Vec::with_capacity(seers.len());
+        let dealt = |p: &ScanPoint| {
+            if ground.is_lying(p) {
+                return (place, *p);
+            }
+            standing += 1;
+            let here = Point3::new(f64::from(p.x_m), f64::from(p.y_m), f64::from(p.z_m));
+            let lot = (f64::from(standing) * GOLDEN).fract();
+            let Some(seer) = self.by_lot(&here, lot, &seers, &mut shares) else { return (place, *p) };
+            let there = seer.there_from_here * here;
+            (seer.place, ScanPoint { x_m: there.x as f32, y_m: there.y as f32, z_m: there.z as f32, ..*p })
+        };
+        points.iter().map(dealt).collect()
+    }
+
+    /// The places within reach of one, itself among them.
+    fn around(&self, place: usize) -> Vec<Seer> {
+        let map_from_here = self.velodyne_from_map[place].inverse();
+        let seer = |(place, there_from_map): (usize, &Pose)| {
+            let there_from_here = there_from_map * map_from_here;
+            let here_from_there = there_from_here.inverse();
+            let is_near = here_from_there.translation.vector.norm() <= self.reach_m;
+            let (apex, up) = (here_from_there * self.apex, here_from_there * Vector3::z());
+            is_near.then_some(Seer { place, there_from_here, apex, up })
+        };
+        self.velodyne_from_map.iter().enumerate().filter_map(seer).collect()
+    }
+
+    /// The place that a point is dealt to by a lot from 0 to 1; none where no place can have
+    /// seen it. `shares` is scratch.
+    fn by_lot<'s>(
+        &self,
+        here: &Point3<f64>,
+        lot: f64,
+        seers: &'s [Seer],
+        shares: &mut Vec<(usize, f64)>,
+    ) -> Option<&'s Seer> {
+        shares.clear();
+        let mut sum = 0.0;
+        for (k, seer) in seers.iter().enumerate() {
+            let ray = here - seer.apex;
+            let (range_m2, up_m) = (ray.norm_squared(), ray.dot(&seer.up));
+            let level_m = (range_m2 - up_m * up_m).max(0.0).sqrt();
+            let [least, most] = self.rise;
+            if range_m2 <= self.reach_m * self.reach_m && (least * level_m..=most * level_m).contains(&up_m) {
+                // So many of its points are on a surface of one size.
+                sum += range_m2.max(LEAST_RANGE_M2).recip();
+                shares.push((k, sum));
+            }
+        }
+        let chosen = shares.iter().find(|(_, up_to)| lot * sum < *up_to).or(shares.last());
+        chosen.map(|(k, _)| &seers[*k])
+    }
+}
+
+/// The lowest point of each cell of a slice.
+struct Ground {
+    lowest_m: HashMap<(i32, i32), f32>,
+}
+
+impl Ground {
+    fn under(points: &[ScanPoint]) -> Self {
+        let mut lowest_m = HashMap::new();
+        for p in points {
+            let lowest = lowest_m.entry(Self::cell(p)).or_insert(p.z_m);
+            *lowest = lowest.min(p.z_m);
+        }
+        Self { lowest_m }
+    }
+
+    fn cell(p: &ScanPoint) -> (i32, i32) {
+        ((p.x_m / CELL_M).floor() as i32, (p.y_m / CELL_M).floor() as i32)
+    }
+
+    fn is_lying(&self, p: &ScanPoint) -> bool {
+        self.lowest_m.get(&Self::cell(p)).is_some_and(|lowest_m| p.z_m - lowest_m <= LYING_M)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use common::geometry::Pose;
+
+    use super::*;
+
+    /// Places 6 m apart along x, 1.7 m over the road, and the slice of the third: a post of
+    /// 3 m, 4 m aside, on a road.
+    fn places() -> Vec<Pose> {
+        (0..8).map(|i| Pose::translation(-6.0 * f64::from(i), 0.0, 0.0)).collect()
+    }
+
+    fn slice() -> Vec<ScanPoint> {
+        let point = |x_m: f32, y_m: f32, z_m: f32| ScanPoint { x_m, y_m, z_m, reflectance: 0.5 };
+        let post = (0..600_u16).map(|i| point(0.0, 4.0, -1.7 + f32::from(i) * 0.005));
+        let road = (0..400_u16).map(|i| point(f32::from(i % 20) * 0.3 - 3.0, f32::from(i / 20) * 0.3 - 3.0, -1.7));
+        post.chain(road).collect()
+    }
+
+    #[test]
+    fn what_stands_is_dealt_by_distance_and_what_lies_is_kept() {
+        let (places, slice) = (places(), slice());
+        let dealt = Dealer::new(&places, &LidarConfig::default(), 60.0).deal(2, &slice);
+        assert_eq!(dealt.len(), slice.len());
+        for ((to, there), here) in dealt.iter().zip(&slice) {
+            // It is where it was.
+            assert!((there.x_m + 6.0 * *to as f32 - (here.x_m + 12.0)).abs() < 1e-4, "{there:?}");
+            assert_eq!((there.y_m, there.z_m), (here.y_m, here.z_m));
+            assert!(here.z_m > -1.41 || *to == 2, "lies: {here:?}");
+        }
+        // All places see it from 0.4 m up to the height of the nearest one's highest beam.
+        let lidar = LidarConfig::default();
+        let in_view = |p: &ScanPoint| p.z_m > -1.3 && f64::from(p.z_m) < lidar.apex_m + 4.0 * lidar.highest_rad.tan();
+        let of = |place: usize| dealt.iter().filter(|(to, p)| *to == place && in_view(p)).count() as f64;
+        let all: f64 = (0..8).map(of).sum();
+        let share = |place: usize| (16.0 + 36.0 * (place as f64 - 2.0).powi(2)).recip();
+        let shares: f64 = (0..8).map(share).sum();
+        for place in 0..8 {
+            let (is, expected) = (of(place) / all, share(place) / shares);
+            assert!((is - expected).abs() < 0.05, "{place}: {is} for {expected}");
+        }
+        // What is over its beams is of those who look up to it from farther away.
+        assert!(!dealt.iter().any(|(to, p)| *to == 2 && (0.4..1.2).contains(&p.z_m)), "over the beams");
+    }
+
+    #[test]
+    fn who_is_out_of_reach_gets_nothing_and_nobody_sees_what_none_can() {
+        let places = places();
+        let dealer = Dealer::new(&places, &LidarConfig::default(), 8.0);
+        assert!(dealer.deal(2, &slice()).iter().all(|(to, _)| (1..=3).contains(to)));
+        // A ceiling over a road.
+        let at = |z_m: f32| ScanPoint { x_m: 0.1, y_m: 0.1, z_m, reflectance: 0.5 };
+        let dealt = dealer.deal(2, &[at(-1.7), at(6.0)]);
+        assert_eq!(dealt, [(2, at(-1.7)), (2, at(6.0))]);
+    }
+}

@@ -1,10 +1,12 @@
 //! Who saw the points of a cloud that was stitched without times.
 //!
 //! Cut where it lies, a slice of such a cloud holds what was seen of it from near and far, and
-//! all of a post is of one place: nothing is seen twice, and nothing is seen as often as a
-//! lidar would that passes it. So what stands is dealt to the places that it may have been seen
-//! from: to each as much of it as its distance lets a lidar see from there. What lies on the
-//! ground stays where it is, as lane paint is told from the road around it.
+//! all of a post is of one place: nothing is seen twice, and nothing as often as a lidar would
+//! that passes it. So what stands is dealt to the places that it may have been seen from: to each
+//! as much of it as its distance lets a lidar see from there. What lies on the ground is given to
+//! the nearest place that sees it, as lane paint is told from the road around it, and where a
+//! drive comes by again to the nearest of each pass: the line between two lanes would else lie
+//! half in the slices of one and half in those of the other.
 
 use std::collections::HashMap;
 
@@ -16,7 +18,7 @@ use crate::lidar::LidarConfig;
 
 /// Side of the cells whose lowest point is the ground, metres.
 const CELL_M: f32 = 0.5;
-/// What is higher than this over it stands, metres: kerbs and what grows on verges lie.
+/// What is higher than this over that stands, metres: kerbs and what grows on verges lie.
 const LYING_M: f32 = 0.3;
 /// The golden ratio: its multiples, less their whole parts, are spread evenly however many
 /// there are.
@@ -46,6 +48,14 @@ struct Seer {
     up: Vector3<f64>,
 }
 
+impl Seer {
+    /// A point that is dealt to it: the place, and the point in its frame.
+    fn given(&self, here: &Point3<f64>, p: &ScanPoint) -> (usize, ScanPoint) {
+        let there = self.there_from_here * here;
+        (self.place, ScanPoint { x_m: there.x as f32, y_m: there.y as f32, z_m: there.z as f32, ..*p })
+    }
+}
+
 impl<'a> Dealer<'a> {
     /// Deals to a lidar at these places that sees no farther than `reach_m`.
     pub fn new(velodyne_from_map: &'a [Pose], lidar: &LidarConfig, reach_m: f64) -> Self {
@@ -57,21 +67,27 @@ impl<'a> Dealer<'a> {
     /// that it is dealt to, and in the frame of that.
     pub fn deal(&self, place: usize, points: &[ScanPoint]) -> Vec<(usize, ScanPoint)> {
         let seers = self.around(place);
+        let passes: Vec<&[Seer]> = seers.chunk_by(|a, b| b.place == a.place + 1).collect();
         let ground = Ground::under(points);
         let mut standing = 0_u32;
         let mut shares = Vec::with_capacity(seers.len());
-        let dealt = |p: &ScanPoint| {
-            if ground.is_lying(p) {
-                return (place, *p);
-            }
-            standing += 1;
+        let mut dealt = Vec::with_capacity(points.len());
+        for p in points {
             let here = Point3::new(f64::from(p.x_m), f64::from(p.y_m), f64::from(p.z_m));
-            let lot = (f64::from(standing) * GOLDEN).fract();
-            let Some(seer) = self.by_lot(&here, lot, &seers, &mut shares) else { return (place, *p) };
-            let there = seer.there_from_here * here;
-            (seer.place, ScanPoint { x_m: there.x as f32, y_m: there.y as f32, z_m: there.z as f32, ..*p })
-        };
-        points.iter().map(dealt).collect()
+            let before = dealt.len();
+            if ground.is_lying(p) {
+                let nearest = passes.iter().filter_map(|pass| self.nearest(&here, pass));
+                dealt.extend(nearest.map(|seer| seer.given(&here, p)));
+            } else {
+                standing += 1;
+                let lot = (f64::from(standing) * GOLDEN).fract();
+                dealt.extend(self.by_lot(&here, lot, &seers, &mut shares).map(|seer| seer.given(&here, p)));
+            }
+            if dealt.len() == before {
+                dealt.push((place, *p));
+            }
+        }
+        dealt
     }
 
     /// The places within reach of one, itself among them.
@@ -87,6 +103,23 @@ impl<'a> Dealer<'a> {
         self.velodyne_from_map.iter().enumerate().filter_map(seer).collect()
     }
 
+    /// Square of the distance to a point from where it may have been seen, metres; none from
+    /// elsewhere.
+    fn seen_from(&self, seer: &Seer, here: &Point3<f64>) -> Option<f64> {
+        let ray = here - seer.apex;
+        let (range_m2, up_m) = (ray.norm_squared(), ray.dot(&seer.up));
+        let level_m = (range_m2 - up_m * up_m).max(0.0).sqrt();
+        let [least, most] = self.rise;
+        let is_in_view = (least * level_m..=most * level_m).contains(&up_m);
+        (is_in_view && range_m2 <= self.reach_m * self.reach_m).then_some(range_m2)
+    }
+
+    /// The nearest place that sees a point.
+    fn nearest<'s>(&self, here: &Point3<f64>, seers: &'s [Seer]) -> Option<&'s Seer> {
+        let seen = seers.iter().filter_map(|seer| Some((seer, self.seen_from(seer, here)?)));
+        seen.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(seer, _)| seer)
+    }
+
     /// The place that a point is dealt to by a lot from 0 to 1; none where no place can have
     /// seen it. `shares` is scratch.
     fn by_lot<'s>(
@@ -99,11 +132,7 @@ impl<'a> Dealer<'a> {
         shares.clear();
         let mut sum = 0.0;
         for (k, seer) in seers.iter().enumerate() {
-            let ray = here - seer.apex;
-            let (range_m2, up_m) = (ray.norm_squared(), ray.dot(&seer.up));
-            let level_m = (range_m2 - up_m * up_m).max(0.0).sqrt();
-            let [least, most] = self.rise;
-            if range_m2 <= self.reach_m * self.reach_m && (least * level_m..=most * level_m).contains(&up_m) {
+            if let Some(range_m2) = self.seen_from(seer, here) {
                 // So many of its points are on a surface of one size.
                 sum += range_m2.max(LEAST_RANGE_M2).recip();
                 shares.push((k, sum));
@@ -166,7 +195,8 @@ mod tests {
             // It is where it was.
             assert!((there.x_m + 6.0 * *to as f32 - (here.x_m + 12.0)).abs() < 1e-4, "{there:?}");
             assert_eq!((there.y_m, there.z_m), (here.y_m, here.z_m));
-            assert!(here.z_m > -1.41 || *to == 2, "lies: {here:?}");
+            // What lies is of the nearest place that looks down on it, which is not right under it.
+            assert!(here.z_m > -1.398 || (3.9..10.0).contains(&there.x_m.hypot(there.y_m)), "{there:?}");
         }
         // All places see it from 0.4 m up to the height of the nearest one's highest beam.
         let lidar = LidarConfig::default();
@@ -191,6 +221,25 @@ mod tests {
         // A ceiling over a road.
         let at = |z_m: f32| ScanPoint { x_m: 0.1, y_m: 0.1, z_m, reflectance: 0.5 };
         let dealt = dealer.deal(2, &[at(-1.7), at(6.0)]);
-        assert_eq!(dealt, [(2, at(-1.7)), (2, at(6.0))]);
+        assert!([1, 3].contains(&dealt[0].0), "{dealt:?}");
+        assert_eq!(dealt[1..], [(2, at(6.0))]);
+    }
+
+    #[test]
+    fn each_pass_gets_what_lies_and_both_share_what_stands() {
+        // There, on by more than it sees, and the same way again in the next lane.
+        let lane = |y_m: f64| (0..8).map(move |i| Pose::translation(-6.0 * f64::from(i), y_m, 0.0));
+        let away = (1..4).map(|i| Pose::translation(-42.0 - 40.0 * f64::from(i), 0.0, 0.0));
+        let places: Vec<Pose> = lane(0.0).chain(away).chain(lane(3.5)).collect();
+        let dealt = Dealer::new(&places, &LidarConfig::default(), 60.0).deal(2, &slice());
+        let of = |stands: bool, passes: std::ops::RangeInclusive<usize>| {
+            dealt.iter().filter(|(to, p)| passes.contains(to) && (p.z_m > -1.398) == stands).count()
+        };
+        let lying = slice().iter().filter(|p| p.z_m < -1.398).count();
+        assert_eq!((of(false, 0..=7), of(false, 11..=18)), (lying, lying));
+        let (first, second) = (of(true, 0..=10), of(true, 11..=18));
+        assert_eq!(first + second + lying, slice().len());
+        // The post is nearer to the first lane.
+        assert!(second > 50 && first > second, "{first}, {second}");
     }
 }

@@ -26,6 +26,7 @@ use super::formats::{at_a_time, cut_off, las_reader};
 use super::scans::ScanInput;
 use super::slices::{Held, Slices};
 use super::survey::{Placement, Poses, assumed_times_s, times_of_rows};
+use crate::cloud::without_standing;
 use crate::drive::{Choice, Drive, Survey};
 use crate::error::{Error, Result};
 use crate::lidar::LidarConfig;
@@ -73,7 +74,8 @@ pub fn open_stitched(
     let timed = times_s.is_some() && times_fit(input.path, &cutter(&all))?;
     let places = match times_s.as_ref().filter(|_| timed) {
         Some(times_s) => with_ends(&chosen, times_s, &choice, config.longest_gap_s),
-        None => chosen,
+        // Who stands sees nothing else, and nothing is nearer to one place than to the next.
+        None => without_standing(&chosen, &map_from_camera, 1),
     };
     let cutter = cutter(&places);
     let mut slices = Slices::new(input.path, lidar)?;

@@ -86,13 +86,12 @@ fn line(row: &Row) -> String {
 fn summary(totals: &Totals) -> String {
     let of = |name: &str, localized: &Localized| {
         format!(
-            "{name}: RMS {:.3} m on average, {:.3} m at worst; of {} frames {:.1} % under 0.5 m, {:.1} % ok; {} ok, \
-             but off",
+            "{name}: RMS {:.3} m on average, {:.3} m at worst; of {} frames {} % under 0.5 m, {} % ok; {} ok, but off",
             localized.mean_rms_m(),
             localized.worst_rms_m,
             thousands(localized.frames),
-            100.0 * localized.share(localized.under_half_metre),
-            100.0 * localized.share(localized.ok),
+            percent(localized.share(localized.under_half_metre)),
+            percent(localized.share(localized.ok)),
             localized.hazardous,
         )
     };
@@ -120,10 +119,15 @@ fn accuracy(figures: Option<&Figures>) -> String {
     figures.map_or_else(
         || "-".to_owned(),
         |of| {
-            let percent = format!("{:.1}", 100.0 * of.under_half_metre);
+            let percent = percent(of.under_half_metre);
             format!("{:.3}; {}", of.rms_m, percent.strip_suffix(".0").unwrap_or(&percent))
         },
     )
+}
+
+/// A share in percent, rounded down: 100 are all.
+fn percent(share: f64) -> String {
+    format!("{:.1}", (1000.0 * share + 1e-6).floor() / 10.0)
 }
 
 fn statuses(of: &Figures) -> String {

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::deal::DealConfig;
 use crate::lidar::full_scale;
 
 /// How input is read that is not KITTI's.
@@ -21,13 +22,19 @@ pub struct InputConfig {
     /// Points of a stitched cloud that are held in memory before they go to
     /// the disk.
     pub held_points: usize,
-    /// How far the lidar saw that made a stitched cloud without times, metres.
-    pub reach_m: f64,
+    /// Who saw the points of a stitched cloud without times.
+    pub deal: DealConfig,
 }
 
 impl Default for InputConfig {
     fn default() -> Self {
-        Self { longest_gap_s: 0.5, full_intensity: 0.0, turn_s: 0.1, held_points: 4_000_000, reach_m: 60.0 }
+        Self {
+            longest_gap_s: 0.5,
+            full_intensity: 0.0,
+            turn_s: 0.1,
+            held_points: 4_000_000,
+            deal: DealConfig::default(),
+        }
     }
 }
 

@@ -8,18 +8,34 @@
 //! drive comes by again to the nearest of each pass: the line between two lanes would else lie
 //! half in the slices of one and half in those of the other.
 
-use std::collections::HashMap;
-
 use common::geometry::Pose;
 use common::kitti::ScanPoint;
 use nalgebra::{Point3, Vector3};
+use rustc_hash::FxHashMap;
+use serde::{Deserialize, Serialize};
 
 use crate::lidar::LidarConfig;
 
-/// Side of the cells whose lowest point is the ground, metres.
-const CELL_M: f32 = 0.5;
-/// What is higher than this over that stands, metres: kerbs and what grows on verges lie.
-const LYING_M: f32 = 0.3;
+/// Who saw the points of a stitched cloud without times.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[allow(clippy::struct_field_names, reason = "all are metres, and names say the unit")]
+pub struct DealConfig {
+    /// How far the lidar saw, metres: what is farther is not mapped.
+    pub reach_m: f64,
+    /// Side of the cells whose lowest point is the ground, metres: wide enough to have one, and
+    /// so small that a slope of 20 % rises by less than `lying_m` in them.
+    pub cell_m: f32,
+    /// What is higher than this over that stands, metres: kerbs and what grows on verges lie.
+    pub lying_m: f32,
+}
+
+impl Default for DealConfig {
+    fn default() -> Self {
+        Self { reach_m: 60.0, cell_m: 0.5, lying_m: 0.3 }
+    }
+}
+
 /// The golden ratio: its multiples, less their whole parts, are spread evenly however many
 /// there are.
 const GOLDEN: f64 = 1.618_033_988_749_895;
@@ -34,7 +50,7 @@ pub struct Dealer<'a> {
     apex: Point3<f64>,
     /// Least and greatest rise of a beam, per metre.
     rise: [f64; 2],
-    reach_m: f64,
+    config: DealConfig,
 }
 
 /// A place as another one sees it.
@@ -57,10 +73,10 @@ impl Seer {
 }
 
 impl<'a> Dealer<'a> {
-    /// Deals to a lidar at these places that sees no farther than `reach_m`.
-    pub fn new(velodyne_from_map: &'a [Pose], lidar: &LidarConfig, reach_m: f64) -> Self {
+    /// Deals to a lidar at these places.
+    pub fn new(velodyne_from_map: &'a [Pose], lidar: &LidarConfig, config: DealConfig) -> Self {
         let apex = Point3::from(lidar.at_m) + Vector3::z() * lidar.apex_m;
-        Self { velodyne_from_map, apex, rise: [lidar.lowest_rad.tan(), lidar.highest_rad.tan()], reach_m }
+        Self { velodyne_from_map, apex, rise: [lidar.lowest_rad.tan(), lidar.highest_rad.tan()], config }
     }
 
     /// Deals the points of the slice of a place, in the frame of its scan: each with the place
@@ -68,7 +84,7 @@ impl<'a> Dealer<'a> {
     pub fn deal(&self, place: usize, points: &[ScanPoint]) -> Vec<(usize, ScanPoint)> {
         let seers = self.around(place);
         let passes: Vec<&[Seer]> = seers.chunk_by(|a, b| b.place == a.place + 1).collect();
-        let ground = Ground::under(points);
+        let ground = Ground::under(points, self.config);
         let mut standing = 0_u32;
         let mut shares = Vec::with_capacity(seers.len());
         let mut dealt = Vec::with_capacity(points.len());
@@ -96,7 +112,7 @@ impl<'a> Dealer<'a> {
         let seer = |(place, there_from_map): (usize, &Pose)| {
             let there_from_here = there_from_map * map_from_here;
             let here_from_there = there_from_here.inverse();
-            let is_near = here_from_there.translation.vector.norm() <= self.reach_m;
+            let is_near = here_from_there.translation.vector.norm() <= self.config.reach_m;
             let (apex, up) = (here_from_there * self.apex, here_from_there * Vector3::z());
             is_near.then_some(Seer { place, there_from_here, apex, up })
         };
@@ -111,7 +127,7 @@ impl<'a> Dealer<'a> {
         let level_m = (range_m2 - up_m * up_m).max(0.0).sqrt();
         let [least, most] = self.rise;
         let is_in_view = (least * level_m..=most * level_m).contains(&up_m);
-        (is_in_view && range_m2 <= self.reach_m * self.reach_m).then_some(range_m2)
+        (is_in_view && range_m2 <= self.config.reach_m.powi(2)).then_some(range_m2)
     }
 
     /// The nearest place that sees a point.
@@ -145,25 +161,26 @@ impl<'a> Dealer<'a> {
 
 /// The lowest point of each cell of a slice.
 struct Ground {
-    lowest_m: HashMap<(i32, i32), f32>,
+    lowest_m: FxHashMap<(i32, i32), f32>,
+    config: DealConfig,
 }
 
 impl Ground {
-    fn under(points: &[ScanPoint]) -> Self {
-        let mut lowest_m = HashMap::new();
+    fn under(points: &[ScanPoint], config: DealConfig) -> Self {
+        let mut ground = Self { lowest_m: FxHashMap::default(), config };
         for p in points {
-            let lowest = lowest_m.entry(Self::cell(p)).or_insert(p.z_m);
-            *lowest = lowest.min(p.z_m);
+            let lowest_m = ground.lowest_m.entry(ground.cell(p)).or_insert(p.z_m);
+            *lowest_m = lowest_m.min(p.z_m);
         }
-        Self { lowest_m }
+        ground
     }
 
-    fn cell(p: &ScanPoint) -> (i32, i32) {
-        ((p.x_m / CELL_M).floor() as i32, (p.y_m / CELL_M).floor() as i32)
+    fn cell(&self, p: &ScanPoint) -> (i32, i32) {
+        ((p.x_m / self.config.cell_m).floor() as i32, (p.y_m / self.config.cell_m).floor() as i32)
     }
 
     fn is_lying(&self, p: &ScanPoint) -> bool {
-        self.lowest_m.get(&Self::cell(p)).is_some_and(|lowest_m| p.z_m - lowest_m <= LYING_M)
+        self.lowest_m.get(&self.cell(p)).is_some_and(|lowest_m| p.z_m - lowest_m <= self.config.lying_m)
     }
 }
 
@@ -189,7 +206,7 @@ mod tests {
     #[test]
     fn what_stands_is_dealt_by_distance_and_what_lies_is_kept() {
         let (places, slice) = (places(), slice());
-        let dealt = Dealer::new(&places, &LidarConfig::default(), 60.0).deal(2, &slice);
+        let dealt = Dealer::new(&places, &LidarConfig::default(), DealConfig::default()).deal(2, &slice);
         assert_eq!(dealt.len(), slice.len());
         for ((to, there), here) in dealt.iter().zip(&slice) {
             // It is where it was.
@@ -216,7 +233,8 @@ mod tests {
     #[test]
     fn who_is_out_of_reach_gets_nothing_and_nobody_sees_what_none_can() {
         let places = places();
-        let dealer = Dealer::new(&places, &LidarConfig::default(), 8.0);
+        let config = DealConfig { reach_m: 8.0, ..DealConfig::default() };
+        let dealer = Dealer::new(&places, &LidarConfig::default(), config);
         assert!(dealer.deal(2, &slice()).iter().all(|(to, _)| (1..=3).contains(to)));
         // A ceiling over a road.
         let at = |z_m: f32| ScanPoint { x_m: 0.1, y_m: 0.1, z_m, reflectance: 0.5 };
@@ -231,7 +249,7 @@ mod tests {
         let lane = |y_m: f64| (0..8).map(move |i| Pose::translation(-6.0 * f64::from(i), y_m, 0.0));
         let away = (1..4).map(|i| Pose::translation(-42.0 - 40.0 * f64::from(i), 0.0, 0.0));
         let places: Vec<Pose> = lane(0.0).chain(away).chain(lane(3.5)).collect();
-        let dealt = Dealer::new(&places, &LidarConfig::default(), 60.0).deal(2, &slice());
+        let dealt = Dealer::new(&places, &LidarConfig::default(), DealConfig::default()).deal(2, &slice());
         let of = |stands: bool, passes: std::ops::RangeInclusive<usize>| {
             dealt.iter().filter(|(to, p)| passes.contains(to) && (p.z_m > -1.398) == stands).count()
         };

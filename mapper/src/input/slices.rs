@@ -90,7 +90,7 @@ impl Slices {
         self.steps = Steps::of(lidar);
         let Some(Undealt { places, config }) = self.undealt.take() else { return Ok(()) };
         let (frames, poses): (Vec<usize>, Vec<Pose>) = places.into_iter().unzip();
-        let dealer = Dealer::new(&poses, lidar, config.reach_m);
+        let dealer = Dealer::new(&poses, lidar, config.deal);
         let dealt = folder_in(&self.root, "dealt")?;
         let mut held = Held::new(&dealt, &frames, config.held_points);
         let slices: Vec<(usize, &usize)> = frames.iter().enumerate().collect();

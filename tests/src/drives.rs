@@ -13,14 +13,12 @@ use mapper::drive::{Drive, MAX_RANGE_M};
 use mapper::lidar::measured;
 use mapper::{Config, PoseSource};
 
-use crate::map_score::{Found, MapScore, alignment, moved, score};
+use crate::map_score::{Found, MapScore, WITHIN_M, aligned, score};
 use crate::trial::{Figures, LookArgs};
 
 /// Built poses and exact ones that are farther apart than this lie in maps of their own,
 /// metres: a survey with such a drift says where nothing of the world is.
 const ELSEWHERE_M: f64 = 0.3;
-/// What is farther from the driven path does not count, metres, as of `score-map`.
-const WITHIN_M: f64 = 20.0;
 
 /// Seeds of a world: `city:11-14,31`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -114,8 +112,7 @@ fn mapped(drive: &Path, folder: &Path) -> Result<(usize, MapScore, PathBuf), Box
 
     let truth = drive.join("truth/poses.txt");
     let (exact, poses) = (read_poses(&truth)?, &built.registration.map_from_camera);
-    let scored = moved(&stored, &alignment(poses, &exact));
-    let score = score(&scored, &crate::truth::read(drive)?, &exact, WITHIN_M);
+    let score = score(&aligned(&stored, poses, &exact), &crate::truth::read(drive)?, &exact, WITHIN_M);
     if !lies_elsewhere(poses, &exact) {
         return Ok((bytes.len(), score, truth));
     }

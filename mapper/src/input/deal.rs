@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_is_dealt_by_distance_and_what_lies_is_kept() {
+    fn what_stands_is_dealt_by_distance_and_what_lies_is_of_the_nearest() {
         let (places, slice) = (places(), slice());
         let dealt = Dealer::new(&places, &LidarConfig::default(), DealConfig::default()).deal(2, &slice);
         assert_eq!(dealt.len(), slice.len());

@@ -37,6 +37,9 @@ pub use self::survey::SurveyFrame;
 use crate::error::Result;
 use crate::lidar::LidarConfig;
 
+/// No point is farther than this, metres: squared it is a number still.
+const ANY_RANGE_M: f32 = 1e18;
+
 /// Where scans are read from.
 #[derive(Debug, Clone)]
 pub(crate) enum Source {

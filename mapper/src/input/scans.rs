@@ -7,6 +7,7 @@ use common::geometry::Pose;
 use common::kitti::{Scan, read_times};
 use nalgebra::Vector3;
 
+use super::ANY_RANGE_M;
 use super::Source;
 use super::beams::Steps;
 use super::config::InputConfig;
@@ -90,7 +91,7 @@ impl ScanFolder {
         let step = frames.len().div_ceil(LOOKED_INTO).max(1);
         let mut largest = 0.0_f32;
         for &frame in frames.iter().step_by(step) {
-            let scan = self.format.read(&self.scan_path(frame), f32::MAX.sqrt(), self.steps)?;
+            let scan = self.format.read(&self.scan_path(frame), ANY_RANGE_M, self.steps)?;
             largest = scan.points.iter().map(|p| p.reflectance).fold(largest, f32::max);
         }
         Ok(largest)

@@ -9,6 +9,7 @@ use common::kitti::{Scan, ScanPoint, read_scan};
 use rayon::prelude::*;
 use tempfile::TempDir;
 
+use super::ANY_RANGE_M;
 use super::beams::Steps;
 use super::config::InputConfig;
 use super::deal::Dealer;
@@ -95,9 +96,8 @@ impl Slices {
         let mut held = Held::new(&dealt, &frames, config.held_points);
         let slices: Vec<(usize, &usize)> = frames.iter().enumerate().collect();
         for batch in slices.chunks(rayon::current_num_threads().max(1)) {
-            let deal = |(number, frame): &(usize, &usize)| {
-                Ok(dealer.deal(*number, &self.slice(**frame, MOST_RANGE_M)?.points))
-            };
+            let deal =
+                |(number, frame): &(usize, &usize)| Ok(dealer.deal(*number, &self.slice(**frame, ANY_RANGE_M)?.points));
             for points in batch.par_iter().map(deal).collect::<Result<Vec<_>>>()? {
                 points.into_iter().try_for_each(|(to, point)| held.add(to, point))?;
             }
@@ -131,9 +131,6 @@ impl Slices {
         if path.exists() { Ok(read_scan(&path, max_range_m)?) } else { Ok(Scan::default()) }
     }
 }
-
-/// No point of a slice is farther than this, metres: squared it is a number still.
-const MOST_RANGE_M: f32 = 1e18;
 
 /// Makes a folder in another.
 fn folder_in(root: &TempDir, name: &str) -> Result<PathBuf> {

@@ -44,7 +44,7 @@ fn run(arguments: &Arguments) -> Outcome {
             let mut options = given.clone();
             options.world.name.clone_from(world);
             options.world.seed = seed;
-            options.world.frames = arguments.frames.or(given.world.frames);
+            options.world.frames = arguments.frames.or(options.world.frames);
             let folder = tempfile::tempdir()?;
             let row = measure(&options, folder.path()).map_err(|error| format!("`{world}`, seed {seed}: {error}"))?;
             if totals.drives == 0 {

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use common::kitti::read_poses;
 use waymark_tests::cli::{MapOfDrive, Outcome, ended};
-use waymark_tests::map_score::{Found, MapScore, alignment, moved, score};
+use waymark_tests::map_score::{Found, MapScore, WITHIN_M, aligned, score};
 
 /// Scores a map against the truth of the generated drive that it was built
 /// from: recall, precision and errors by class.
@@ -22,7 +22,7 @@ struct Arguments {
     #[arg(long, value_name = "POSES.txt")]
     trajectory: Option<PathBuf>,
     /// What is farther from the driven path does not count, metres.
-    #[arg(long, value_name = "M", default_value_t = 20.0)]
+    #[arg(long, value_name = "M", default_value_t = WITHIN_M)]
     within: f64,
     /// Name each pole, sign, light and part of a lane line that is missing or
     /// wrong.
@@ -38,7 +38,7 @@ fn run(arguments: &Arguments) -> Outcome {
     let mut map = common::map::read(&arguments.of.map)?;
     let (truth, exact) = arguments.of.truth()?;
     if let Some(path) = &arguments.trajectory {
-        map = moved(&map, &alignment(&read_poses(path)?, &exact));
+        map = aligned(&map, &read_poses(path)?, &exact);
     }
     print(&score(&map, &truth, &exact, arguments.within), arguments);
     Ok(())

@@ -11,6 +11,8 @@ use crate::matching::one_to_one;
 pub use lanes::Stretch;
 use lanes::{lanes, marks};
 
+/// What is farther from the driven path does not count, metres, where nothing else is said.
+pub const WITHIN_M: f64 = 20.0;
 /// Poles of map and truth are the same within this, metres: half the spacing of
 /// the densest bollards.
 const POLE_WITHIN_M: f64 = 0.5;
@@ -137,6 +139,12 @@ pub fn alignment(built: &[Pose], exact: &[Pose]) -> Pose {
     let rotation = nearest_rotation(&spread)
         .map_or_else(UnitQuaternion::identity, |rotation| UnitQuaternion::from_rotation_matrix(&rotation));
     Pose::from_parts(Translation3::from(to - rotation * from), rotation)
+}
+
+/// The map as it lies where the exact poses do, with the poses that it was built with.
+#[must_use]
+pub fn aligned(map: &SemanticMap, built: &[Pose], exact: &[Pose]) -> SemanticMap {
+    moved(map, &alignment(built, exact))
 }
 
 /// The map in another frame of the same earth.

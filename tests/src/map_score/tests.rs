@@ -46,7 +46,7 @@ fn a_map_that_lies_elsewhere_is_brought_back() {
     let back = alignment(&built, &exact) * elsewhere;
     assert!((back.to_matrix() - nalgebra::Matrix4::identity()).norm() < 1e-9);
     let there = moved(&map(), &elsewhere);
-    let here = moved(&there, &alignment(&built, &exact));
+    let here = aligned(&there, &built, &exact);
     assert!((here.poles[0].foot_map - map().poles[0].foot_map).norm() < 1e-9);
 }
 

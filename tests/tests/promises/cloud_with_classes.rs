@@ -6,7 +6,7 @@ use std::path::Path;
 use common::geometry::Pose;
 use common::kitti::{Sequence, read_poses, write_poses};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
-use waymark_tests::map_score::{alignment, moved, score};
+use waymark_tests::map_score::{WITHIN_M, aligned, score};
 
 use crate::support::{DEMO, build, run, text};
 
@@ -64,7 +64,7 @@ fn a_stitched_cloud_without_times_gives_most_of_what_its_scans_gave() {
     let exact = read_poses(drive.join("truth/poses.txt")).unwrap();
     let scored = |map: &Path, poses: &Path| {
         let map = common::map::read(map).unwrap();
-        score(&moved(&map, &alignment(&read_poses(poses).unwrap(), &exact)), &truth, &exact, 20.0)
+        score(&aligned(&map, &read_poses(poses).unwrap(), &exact), &truth, &exact, WITHIN_M)
     };
     let (scans, cloud) = (scored(&map, &built), scored(&stitched, &trajectory));
     println!("poles {:?} of {:?}, lanes {:?} of {:?}", cloud.poles, scans.poles, cloud.lanes, scans.lanes);

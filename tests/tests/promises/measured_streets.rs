@@ -13,7 +13,7 @@ use fixtures::world::survey_street::files::{self, pole_in_world, world_from_surv
 use fixtures::world::{World, WorldSpec};
 use nalgebra::Point3;
 use waymark_tests::data;
-use waymark_tests::map_score::{alignment, moved, score};
+use waymark_tests::map_score::{aligned, score};
 
 use crate::support::{build, run, text};
 
@@ -126,7 +126,7 @@ fn a_map_of_a_street_with_trees_and_fences_has_its_posts_and_calls_few_others_so
     let truth = waymark_tests::truth::read(&along.file("drive")).unwrap();
     let exact = kitti::read_poses(along.file("drive/truth/poses.txt")).unwrap();
     let built = kitti::read_poses(along.file("built.txt")).unwrap();
-    let map = moved(&common::map::read(along.file("map.csm")).unwrap(), &alignment(&built, &exact));
+    let map = aligned(&common::map::read(along.file("map.csm")).unwrap(), &built, &exact);
     let score = score(&map, &truth, &exact, 20.0);
     println!("{:?}, {:?}; missed {:?}; wrong {:?}", score.poles, score.trunks, score.missed, score.wrong);
     assert!(score.poles.recall() > 0.95 && score.poles.precision() > 0.9);

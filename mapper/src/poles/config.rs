@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::{TreeConfig, WallConfig};
+use super::{HedgeConfig, TreeConfig, WallConfig};
 
 /// How poles are told from everything else.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -260,6 +260,8 @@ pub struct PoleConfig {
     pub plate_evidence: f64,
     /// What tells pieces of walls from posts.
     pub walls: WallConfig,
+    /// What tells posts in hedges.
+    pub hedges: HedgeConfig,
     /// What tells trees from posts else.
     pub trees: TreeConfig,
     /// Whether trunks go into the map, under their own semantic: trees change,
@@ -367,6 +369,7 @@ impl Default for PoleConfig {
             least_plate_m: 0.3,
             plate_evidence: 10.0,
             walls: WallConfig::default(),
+            hedges: HedgeConfig::default(),
             trees: TreeConfig::default(),
             keep_trunks: true,
         }

@@ -4,7 +4,9 @@ mod axis;
 mod config;
 mod fences;
 mod fit;
+mod fitted;
 mod flat;
+mod hedges;
 mod kinds;
 mod looks;
 mod normal;
@@ -21,7 +23,9 @@ use nalgebra::Point2;
 use rayon::prelude::*;
 
 pub use config::PoleConfig;
-pub use fit::{FittedPole, Wanted, fit_pole};
+pub use fit::{Wanted, fit_pole};
+pub use fitted::FittedPole;
+pub use hedges::HedgeConfig;
 pub use kinds::TreeConfig;
 pub use plumb::Plumb;
 pub use stacks::{Filling, Stack, Stacks};
@@ -107,6 +111,12 @@ fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> boo
         config.least_free_share_thick
     };
     let is_short = pole.is_short(config);
+    // Leaves beside a post make it look wide.
+    let widest_m = match (stack.is_under_sheet, pole.is_in_hedge(config)) {
+        (false, _) => config.thickest_m,
+        (true, false) => config.slender_m,
+        (true, true) => config.post_radius_m,
+    };
     // What stands amid something is hidden by it, unless it is a part of it.
     let is_amid = stack.is_before || pole.attached_share > config.largest_attached_share;
     let least_visibility_amid = config.least_visibility_before.max(config.least_visibility);
@@ -114,7 +124,7 @@ fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> boo
     (is_equipment || pole.attached_share <= largest_attached_share(pole, stack, config))
         && (is_equipment || !is_short || pole.radius_m <= config.thickest_short_m)
         && pole.spread_m <= largest_spread_m(pole, config)
-        && pole.radius_m <= if stack.is_under_sheet { config.slender_m } else { config.thickest_m }
+        && pole.radius_m <= widest_m
         && pole.scans >= config.fewest_scans
         && (pole.reflectance >= config.least_reflectance || !is_glimpse(pole, config))
         && pole.nearest_hit_m <= config.hit_within_m
@@ -132,6 +142,7 @@ fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> boo
 /// height.
 fn is_equipment(pole: &FittedPole, config: &PoleConfig) -> bool {
     let may_be_in_hedge = pole.radius_m <= config.slender_short_m
+        || pole.is_in_hedge(config)
         || pole.visibility >= config.least_visibility_in_hedge && pole.bright_share >= config.least_bright_share;
     let is_delineator = pole.is_short(config)
         && pole.radius_m <= config.thickest_equipped_m
@@ -145,6 +156,9 @@ fn is_equipment(pole: &FittedPole, config: &PoleConfig) -> bool {
 /// before something, is a pipe, a jamb or a corner of a wall.
 fn largest_attached_share(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> f64 {
     let is_short = pole.is_short(config);
+    if !pole.is_short(config) && pole.stands_out_of_hedge(config) {
+        return 1.0;
+    }
     let is_of_wall =
         if stack.is_before { is_short || pole.radius_m > config.slender_m } else { stack.low_m >= config.hedge_top_m };
     if is_of_wall {

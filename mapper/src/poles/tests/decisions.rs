@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use nalgebra::Vector3;
+
 use super::*;
 
 /// The face of a wall or a hedge along the road, that all scans see.
@@ -182,4 +184,52 @@ fn sheeting_on_a_far_wall_says_that_a_post_is_one() {
     };
     assert!(!is_pole(true, 20.0, 0.3) && is_pole(true, 20.0, 0.99));
     assert!(is_pole(true, 10.0, 0.3) && is_pole(false, 20.0, 0.3));
+}
+
+#[test]
+fn what_a_hedge_touches_in_every_slice_is_a_post_where_it_stands_out_of_it() {
+    let config = PoleConfig::default();
+    let (pole, mut stack) = slender();
+    let touched = FittedPole { attached_share: 0.9, radius_m: 0.09, hedge_share: 0.3, stands_out: 9.0, ..pole };
+    stack.is_before = true;
+    let is_pole = |pole: FittedPole| is_pole(&pole, &stack, &config);
+    assert!(is_pole(touched.clone()));
+    // Before a wall, of leaves, behind them, as thick as a tree, and one that ends in them.
+    assert!(!is_pole(FittedPole { hedge_share: 0.1, ..touched.clone() }));
+    assert!(!is_pole(FittedPole { stands_out: 3.0, ..touched.clone() }));
+    assert!(!is_pole(FittedPole { visibility: 0.4, ..touched.clone() }));
+    assert!(!is_pole(FittedPole { radius_m: 0.14, ..touched.clone() }));
+    assert!(!is_pole(FittedPole { top_height_m: 1.5, top_is_open: false, ..touched }));
+}
+
+#[test]
+fn leaves_make_the_post_under_a_plate_look_wide() {
+    let config = PoleConfig::default();
+    let (pole, mut stack) = slender();
+    (stack.is_before, stack.is_under_sheet) = (true, true);
+    let sign = FittedPole { reflectance: 0.99, bright_top_m: 2.2, radius_m: 0.1, attached_share: 1.0, ..pole };
+    let is_pole = |hedge_share: f64| is_pole(&FittedPole { hedge_share, ..sign.clone() }, &stack, &config);
+    assert!(is_pole(0.3) && !is_pole(0.1));
+}
+
+#[test]
+fn a_lamp_post_in_a_hedge_is_found_and_its_leaves_are_none() {
+    let in_hedge = |has_post: bool| {
+        let mut street = Street::new();
+        let share = |k: u32, step: f64| (f64::from(k) * step).fract();
+        for k in 0..45_000_u32 {
+            let off = Vector3::new(share(k, 0.819_173), 2.2 * share(k, 0.671_044), 16.0 * share(k, 0.549_7));
+            let at = Point3::new(5.4 + off.x, CAMERA_HEIGHT_M - off.y, 20.0 + off.z);
+            street.add(at, (k % 10) as u16, 0.3, None);
+        }
+        let foot = Point3::new(5.5, CAMERA_HEIGHT_M, 28.0);
+        if has_post {
+            post(&mut street, foot, 2.4, 0.08);
+        }
+        (found(street), foot)
+    };
+    let (poles, foot) = in_hedge(true);
+    assert_eq!(poles.len(), 1, "{poles:?}");
+    assert!(poles[0].0 != PoleKind::Trunk && (poles[0].1.foot - foot).norm() < 0.06, "{poles:?}");
+    assert!(in_hedge(false).0.is_empty());
 }

@@ -167,3 +167,14 @@ fn a_board_between_two_masts_is_a_crown_of_neither() {
     let kinds = [second, low].map(|other| kind_among(&mast, &[other], &cloud));
     assert_eq!(kinds, [PoleKind::SignPost, PoleKind::Trunk]);
 }
+
+#[test]
+fn the_top_of_a_hedge_is_no_crown() {
+    let kind = |hedge_share: f64| {
+        let mut street = Street::new();
+        add_leaves(&mut street, 2.55, Vector3::new(0.8, 0.35, 0.8));
+        kind(&FittedPole { hedge_share, top_height_m: 2.2, top_is_open: false, ..stem(0.04, 0.0) }, street)
+    };
+    // As full beside it as above it, and much fuller.
+    assert_eq!((kind(0.2), kind(0.9)), (PoleKind::Trunk, PoleKind::SignPost));
+}

@@ -125,7 +125,7 @@ pub const LIMITS: &[Limits] = &[
     limits("poles.column_m", 0.02, 1.0),
     limits("poles.slice_m", 0.02, 2.0),
     range("poles.crown_radii_m", 0.0, 60.0),
-    range("poles.pillars_apart_m", 0.0, 60.0),
+    range("poles.*s_apart_m", 0.0, 60.0),
     range("poles.reflector_m", 0.0, 60.0),
     range("poles.sheet_m", 0.0, 60.0),
     limits("poles.trees.*_radius_m", 0.01, 1.0),

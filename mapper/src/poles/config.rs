@@ -208,6 +208,13 @@ pub struct PoleConfig {
     /// How much the radii of three of them differ where the fourth is hidden,
     /// metres: they are measured to 1 cm.
     pub pillars_alike_m: f64,
+    /// Top of the posts of stalls and shelters at bus stops at most, metres above ground: their
+    /// roofs are low, for they are small.
+    pub shelter_top_m: f64,
+    /// Least and largest side of the rectangle in which these stand, metres.
+    pub shelter_posts_apart_m: [f64; 2],
+    /// How much their heights differ, metres: they carry one roof, and beams are so far apart.
+    pub shelters_alike_m: f64,
     /// Top of what ends below any sign, metres above ground: posts of fences and
     /// gates are up to 1.6 m high, and low signs hang from 1.9 m on.
     pub short_top_m: f64,
@@ -348,6 +355,9 @@ impl Default for PoleConfig {
             pillars_apart_m: [2.5, 12.0],
             pillars_off_m: 0.3,
             pillars_alike_m: 0.02,
+            shelter_top_m: 3.0,
+            shelter_posts_apart_m: [1.2, 5.0],
+            shelters_alike_m: 0.15,
             short_top_m: 1.8,
             thickest_short_m: 0.09,
             thickest_equipped_m: 0.11,

@@ -276,6 +276,21 @@ fn what_carries_a_roof_is_no_pole_and_two_masts_are() {
     assert!(feet.iter().all(|z| *z > 30.0));
 }
 
+#[test]
+fn thin_posts_as_high_as_each_other_carry_a_low_roof() {
+    let left = |heights_m: &[f64]| {
+        let mut street = Street::new();
+        let corners = [(5.0, 26.0), (6.8, 26.0), (5.0, 28.6), (6.8, 28.6)];
+        for ((x, z), height_m) in corners.into_iter().zip(heights_m) {
+            post(&mut street, Point3::new(x, CAMERA_HEIGHT_M, z), *height_m, 0.03);
+        }
+        found(street).len()
+    };
+    assert_eq!((left(&[2.4; 4]), left(&[2.4; 3])), (0, 0));
+    // Two carry no roof, nor do posts of signs, each as high as its plates, and lamps.
+    assert_eq!((left(&[2.4; 2]), left(&[2.4, 2.7, 2.2, 2.9]), left(&[3.3; 4])), (2, 4, 4));
+}
+
 /// Foot and top of a pole that leans over map x and z by so much per metre.
 fn leaning(x: f64, z: f64, height_m: f64, lean: f64) -> (Point3<f64>, Point3<f64>) {
     let foot = Point3::new(x, CAMERA_HEIGHT_M, z);

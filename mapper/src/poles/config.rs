@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::{HedgeConfig, TreeConfig, WallConfig};
+use super::{HedgeConfig, ShelterConfig, TreeConfig, WallConfig};
 
 /// How poles are told from everything else.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -208,13 +208,6 @@ pub struct PoleConfig {
     /// How much the radii of three of them differ where the fourth is hidden,
     /// metres: they are measured to 1 cm.
     pub pillars_alike_m: f64,
-    /// Top of the posts of stalls and shelters at bus stops at most, metres above ground: their
-    /// roofs are low, for they are small.
-    pub shelter_top_m: f64,
-    /// Least and largest side of the rectangle in which these stand, metres.
-    pub shelter_posts_apart_m: [f64; 2],
-    /// How much their heights differ, metres: they carry one roof, and beams are so far apart.
-    pub shelters_alike_m: f64,
     /// Top of what ends below any sign, metres above ground: posts of fences and
     /// gates are up to 1.6 m high, and low signs hang from 1.9 m on.
     pub short_top_m: f64,
@@ -269,6 +262,8 @@ pub struct PoleConfig {
     pub walls: WallConfig,
     /// What tells posts in hedges.
     pub hedges: HedgeConfig,
+    /// What tells posts of stalls and shelters.
+    pub shelters: ShelterConfig,
     /// What tells trees from posts else.
     pub trees: TreeConfig,
     /// Whether trunks go into the map, under their own semantic: trees change,
@@ -278,6 +273,7 @@ pub struct PoleConfig {
 }
 
 impl Default for PoleConfig {
+    #[expect(clippy::too_many_lines, reason = "a line for each setting")]
     fn default() -> Self {
         Self {
             column_m: 0.1,
@@ -355,9 +351,6 @@ impl Default for PoleConfig {
             pillars_apart_m: [2.5, 12.0],
             pillars_off_m: 0.3,
             pillars_alike_m: 0.02,
-            shelter_top_m: 3.0,
-            shelter_posts_apart_m: [1.2, 5.0],
-            shelters_alike_m: 0.15,
             short_top_m: 1.8,
             thickest_short_m: 0.09,
             thickest_equipped_m: 0.11,
@@ -380,6 +373,7 @@ impl Default for PoleConfig {
             plate_evidence: 10.0,
             walls: WallConfig::default(),
             hedges: HedgeConfig::default(),
+            shelters: ShelterConfig::default(),
             trees: TreeConfig::default(),
             keep_trunks: true,
         }

@@ -22,6 +22,9 @@ pub struct HedgeConfig {
     pub stands_out: f64,
     /// Least share of the beams towards it that it ends: it stands in front.
     pub least_visibility: f64,
+    /// Largest radius of such a post, metres: masts of lamps are 90 to 180 mm across and are
+    /// measured to 1 cm, and stems in hedges that are thicker are trees.
+    pub thickest_m: f64,
     /// What fills the space over it by less than this share of what its hedge fills beside it
     /// is the top of the hedge and no crown: crowns are as wide above as below.
     pub least_crown: f64,
@@ -29,7 +32,7 @@ pub struct HedgeConfig {
 
 impl Default for HedgeConfig {
     fn default() -> Self {
-        Self { least_share: 0.18, stands_out: 5.0, least_visibility: 0.8, least_crown: 0.5 }
+        Self { least_share: 0.18, stands_out: 5.0, least_visibility: 0.8, thickest_m: 0.1, least_crown: 0.5 }
     }
 }
 
@@ -44,7 +47,7 @@ impl FittedPole {
         self.is_in_hedge(config)
             && self.stands_out >= config.hedges.stands_out
             && self.visibility >= config.hedges.least_visibility
-            && self.radius_m <= config.post_radius_m
+            && self.radius_m <= config.hedges.thickest_m
     }
 }
 

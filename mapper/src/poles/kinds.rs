@@ -244,7 +244,7 @@ impl Other {
 pub(super) fn has_crown(pole: &FittedPole, others: &[Other], stacks: &Stacks, config: &PoleConfig) -> bool {
     let [near_m, far_m] = config.crown_radii_m;
     let around = above(pole, others, stacks, 0.0, near_m..far_m, config);
-    if pole.is_in_hedge(config) && around.share < config.hedges.least_crown * pole.hedge_share {
+    if pole.stands_out_of_hedge(config) && around.share < config.hedges.least_crown * pole.hedge_share {
         return false;
     }
     let is_flat = around.across_m <= config.trees.board_spread_m && around.aside_m < near_m;

@@ -28,6 +28,7 @@ pub use fitted::FittedPole;
 pub use hedges::HedgeConfig;
 pub use kinds::TreeConfig;
 pub use plumb::Plumb;
+pub use roofs::ShelterConfig;
 pub use stacks::{Filling, Stack, Stacks};
 pub use walls::WallConfig;
 
@@ -60,10 +61,13 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
             })
             .collect()
     };
-    // How all of them stand tells how a short one does.
+    // How all of them stand tells how a short one does. Leaves bend what stands in a hedge.
     let first = fit(&Plumb::of_map(config), Wanted::Poles);
-    let slopes: Vec<_> =
-        first.iter().filter(|(_, is_pole)| *is_pole).map(|(p, _)| (p.slope_of_hits, p.slope_covariance)).collect();
+    let slopes: Vec<_> = first
+        .iter()
+        .filter(|(pole, is_pole)| *is_pole && !pole.is_in_hedge(config))
+        .map(|(p, _)| (p.slope_of_hits, p.slope_covariance))
+        .collect();
     let plumb = Plumb::of_poles(&slopes, config);
     let fitted = fit(&plumb, Wanted::PolesAndFences);
     // What is no pole itself may still carry the rail that goes on to others.
@@ -111,12 +115,6 @@ fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> boo
         config.least_free_share_thick
     };
     let is_short = pole.is_short(config);
-    // Leaves beside a post make it look wide.
-    let widest_m = match (stack.is_under_sheet, pole.is_in_hedge(config)) {
-        (false, _) => config.thickest_m,
-        (true, false) => config.slender_m,
-        (true, true) => config.post_radius_m,
-    };
     // What stands amid something is hidden by it, unless it is a part of it.
     let is_amid = stack.is_before || pole.attached_share > config.largest_attached_share;
     let least_visibility_amid = config.least_visibility_before.max(config.least_visibility);
@@ -124,7 +122,7 @@ fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> boo
     (is_equipment || pole.attached_share <= largest_attached_share(pole, stack, config))
         && (is_equipment || !is_short || pole.radius_m <= config.thickest_short_m)
         && pole.spread_m <= largest_spread_m(pole, config)
-        && pole.radius_m <= widest_m
+        && pole.radius_m <= if stack.is_under_sheet { config.slender_m } else { config.thickest_m }
         && pole.scans >= config.fewest_scans
         && (pole.reflectance >= config.least_reflectance || !is_glimpse(pole, config))
         && pole.nearest_hit_m <= config.hit_within_m

@@ -133,7 +133,11 @@ pub fn fit_pole<'a>(
     let ends_m = (run.first()?.above_ground_m, run.last()?.above_ground_m);
     pole.attached_share = attached_share(&around, &axis, pole.radius_m, ends_m, config);
     let seen = Around { points: &near, axis: &axis, radius_m: pole.radius_m, ends_m };
-    (pole.hedge_share, pole.stands_out) = (seen.hedge_share(config), seen.stands_out(config));
+    pole.hedge_share = seen.hedge_share(config);
+    // Who is in none is asked no further.
+    if pole.is_in_hedge(config) {
+        pole.stands_out = seen.stands_out(config);
+    }
     // Plates of signs are flat, too, but higher up.
     let wall_top_m = stack.low_m.max(config.sheet_m[0]);
     pole.stands_on_wall = stands_on_wall(&around, &axis, wall_top_m, config);

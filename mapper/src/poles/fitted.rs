@@ -42,7 +42,8 @@ pub struct FittedPole {
     pub attached_share: f64,
     /// Share of the space around it, at its own heights, that is filled: a hedge's.
     pub hedge_share: f64,
-    /// How many times as many hits per area are on it as around it, in three of four slices.
+    /// How many times as many hits per area are on it as around it, in three of four slices;
+    /// infinite where it is in no hedge.
     pub stands_out: f64,
     /// Whether there is a wall below that goes on to both sides: what looks free may be a
     /// piece of it between windows.

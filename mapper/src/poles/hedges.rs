@@ -84,7 +84,7 @@ impl Around<'_> {
         let high = cell(self.ends_m.1.min(config.hedge_top_m), slice_m);
         let mut filled: Vec<(i64, i64, i64)> = self
             .beside()
-            .filter(|(off, _)| (near_m..far_m).contains(&off.norm()))
+            .filter(|(off, _)| (near_m.powi(2)..far_m.powi(2)).contains(&off.norm_squared()))
             .map(|(off, above_ground_m)| (cell(off.x, cell_m), cell(off.y, cell_m), cell(above_ground_m, slice_m)))
             .filter(|(_, _, slice)| (low..=high).contains(slice))
             .collect();

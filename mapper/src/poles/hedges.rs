@@ -5,6 +5,7 @@ use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
 use super::axis::Axis;
+use super::fences::Spot;
 use super::{FittedPole, PoleConfig};
 use crate::cloud::CloudPoint;
 use crate::quantile::quantile;
@@ -26,7 +27,7 @@ pub struct HedgeConfig {
     /// measured to 1 cm, and stems in hedges that are thicker are trees.
     pub thickest_m: f64,
     /// What fills the space over it by less than this share of what its hedge fills beside it
-    /// is the top of the hedge and no crown: crowns are as wide above as below.
+    /// is the top of the hedge and no crown: crowns are fuller than what grows around stems.
     pub least_crown: f64,
 }
 
@@ -67,10 +68,8 @@ impl Around<'_> {
     fn beside(&self) -> impl Iterator<Item = (Vector2<f64>, f64)> {
         self.points
             .iter()
-            .map(|p| {
-                let at_map = Vector2::new(p.position.x, p.position.z);
-                (at_map - self.axis.at(-p.position.y), f64::from(p.height_m))
-            })
+            .map(Spot::new)
+            .map(|spot| (spot.at_map - self.axis.at(spot.height_m), spot.above_ground_m))
             .filter(|(_, above_ground_m)| (self.ends_m.0..=self.ends_m.1).contains(above_ground_m))
     }
 

@@ -154,7 +154,7 @@ fn is_equipment(pole: &FittedPole, config: &PoleConfig) -> bool {
 /// before something, is a pipe, a jamb or a corner of a wall.
 fn largest_attached_share(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> f64 {
     let is_short = pole.is_short(config);
-    if !pole.is_short(config) && pole.stands_out_of_hedge(config) {
+    if !is_short && pole.stands_out_of_hedge(config) {
         return 1.0;
     }
     let is_of_wall =

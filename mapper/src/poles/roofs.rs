@@ -38,8 +38,8 @@ struct Roof<'a> {
     are_alike: &'a dyn Fn(&FittedPole, &FittedPole) -> bool,
     /// Least and largest side of its rectangle, metres.
     apart_m: [f64; 2],
-    /// Corners at which one is, at least.
-    fewest: usize,
+    /// Whether one of the four may be hidden.
+    may_hide_one: bool,
 }
 
 /// The poles but those that carry a roof: thick ones that stand with three like ones at
@@ -58,9 +58,10 @@ pub(super) fn without_pillars(poles: Vec<Told>, config: &PoleConfig) -> Vec<Told
     };
     let as_thick = |a: &FittedPole, b: &FittedPole| (a.radius_m - b.radius_m).abs() <= config.pillars_alike_m;
     let as_high = |a: &FittedPole, b: &FittedPole| (a.top_height_m - b.top_height_m).abs() <= shelters.alike_m;
-    let of_masts = Roof { may_be: &is_mast, are_alike: &|_, _| true, apart_m: config.pillars_apart_m, fewest: 4 };
-    let one_hidden = Roof { are_alike: &as_thick, fewest: 3, ..of_masts };
-    let of_thin = Roof { may_be: &is_thin, are_alike: &as_high, apart_m: shelters.posts_apart_m, fewest: 3 };
+    let of_masts =
+        Roof { may_be: &is_mast, are_alike: &|_, _| true, apart_m: config.pillars_apart_m, may_hide_one: false };
+    let one_hidden = Roof { are_alike: &as_thick, may_hide_one: true, ..of_masts };
+    let of_thin = Roof { may_be: &is_thin, are_alike: &as_high, apart_m: shelters.posts_apart_m, may_hide_one: true };
     let mut is_pillar = vec![false; poles.len()];
     for roof in [of_masts, one_hidden, of_thin] {
         let could: Vec<usize> = (0..poles.len()).filter(|i| !is_pillar[*i] && (roof.may_be)(&poles[*i])).collect();
@@ -92,7 +93,7 @@ fn at_corners(poles: &[Told], could: &[usize], roof: &Roof<'_>, config: &PoleCon
                 }
                 let fourth = at(a) + first + second;
                 let fourth = could.iter().find(|d| (at(**d) - fourth).norm() < config.pillars_off_m && alike(a, **d));
-                if fourth.is_some() || roof.fewest == 3 {
+                if fourth.is_some() || roof.may_hide_one {
                     found.extend([a, b, c]);
                     found.extend(fourth);
                 }

@@ -7,6 +7,7 @@
 //! What does not change along a drive (how the camera sits on the vehicle, what
 //! its odometry is off by) is estimated along.
 
+mod mix;
 mod motion;
 mod vehicle;
 

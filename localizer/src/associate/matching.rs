@@ -1,5 +1,6 @@
 //! One-to-one matches between features and landmarks at one pose.
 
+mod assign;
 mod lanes;
 mod marks;
 mod poles;
@@ -18,6 +19,7 @@ use crate::prepare::Prepared;
 use crate::preselect::Candidates;
 use crate::projection::{ImageSize, View};
 use crate::residual::Observation;
+use assign::Assignment;
 use lanes::LaneAt;
 use marks::EdgePair;
 use poles::PoleAt;
@@ -46,7 +48,7 @@ pub struct Scene<'a> {
     pub odds: UsualOdds,
 }
 
-/// A feature and a landmark that are each other's best.
+/// A feature and a landmark that are taken for the same.
 #[derive(Debug, Clone, Copy)]
 pub struct Match {
     /// The landmark.
@@ -73,11 +75,10 @@ impl Match {
 /// Buffers of the matching, and its result.
 #[derive(Debug, Clone, Default)]
 pub struct Matcher {
-    /// Mutual best pairs, in the order poles, lanes, marks of lanes, signs.
+    /// The pairs that say most together, in the order poles, lanes, marks of lanes, signs.
     pub matches: Vec<Match>,
     pairs: Vec<Pair>,
-    best_of_feature: Vec<usize>,
-    best_of_candidate: Vec<usize>,
+    assignment: Assignment,
     poles: Vec<Option<PoleAt>>,
     lanes: Vec<LaneAt>,
     vertices: Vec<LaneVertex>,
@@ -261,30 +262,6 @@ impl Matcher {
         self.matched + scene.detection.all_unseen(self.apart)
     }
 
-    /// Leaves in `best_of_candidate` what of the offered pairs is the best of
-    /// both its feature and its candidate.
-    fn settle(&mut self, features: usize, candidates: usize) {
-        self.best_of_feature.clear();
-        self.best_of_feature.resize(features, NONE);
-        self.best_of_candidate.clear();
-        self.best_of_candidate.resize(candidates, NONE);
-        let pairs = &self.pairs;
-        let better = |new: usize, old: usize| pairs.get(old).is_none_or(|old| pairs[new].support > old.support);
-        for (i, pair) in pairs.iter().enumerate() {
-            if better(i, self.best_of_feature[pair.feature]) {
-                self.best_of_feature[pair.feature] = i;
-            }
-            if better(i, self.best_of_candidate[pair.candidate]) {
-                self.best_of_candidate[pair.candidate] = i;
-            }
-        }
-        for best in &mut self.best_of_candidate {
-            if pairs.get(*best).is_some_and(|pair| self.best_of_feature[pair.feature] != *best) {
-                *best = NONE;
-            }
-        }
-    }
-
     /// Closes the matching of one kind of landmark: adds the support of the
     /// pairs that are left to `matched` and returns what the other candidates
     /// cost. `missing` is that of one candidate, `complete` says landmark,
@@ -299,8 +276,8 @@ impl Matcher {
         complete: impl Fn(&Pair) -> Option<(LandmarkId, usize, Pairing)>,
     ) -> f64 {
         let mut unseen = 0.0;
-        for (candidate, &best) in self.best_of_candidate.iter().enumerate() {
-            match self.pairs.get(best) {
+        for (candidate, &taken) in self.assignment.of_candidates().iter().enumerate() {
+            match self.pairs.get(taken) {
                 Some(pair) => {
                     *matched += pair.support;
                     if wanted == Wanted::Support {

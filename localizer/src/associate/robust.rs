@@ -1,4 +1,4 @@
-//! The default association: all mutual-best matches within gates that shrink
+//! The default association: the matches that say most together, within gates that shrink
 //! with the pose's covariance, a robust loss, and the motion as a prior; each object of what
 //! comes out is doubted in turn.
 

@@ -4,6 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Tracker;
 use super::hypothesis::Hypothesis;
+use super::mean::odds;
+use crate::config::Config;
+use crate::start::is_alike;
 
 /// Settings of the set of hypotheses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -132,6 +135,37 @@ impl BankConfig {
     }
 }
 
+impl Hypothesis {
+    /// Both tell the same.
+    pub fn is_like(&self, other: &Self, bank: &BankConfig) -> bool {
+        let faster_m_s = (self.state.velocity[2] - other.state.velocity[2]).abs();
+        is_alike(&self.state.map_from_camera, &other.state.map_from_camera, bank.alike_m, bank.alike_rad)
+            && if self.speed_is_unknown || other.speed_is_unknown {
+                // Who knows its speed covers who does not.
+                !self.speed_is_unknown || other.speed_is_unknown
+            } else {
+                faster_m_s <= bank.alike_m_s
+            }
+    }
+
+    /// Takes in another that has come to tell the same. Where both were tracked for some
+    /// time, either may be right; one that was just split off the other, or found beside it,
+    /// knows nothing that the other does not.
+    pub fn merge(&mut self, other: &Self, config: &Config) {
+        let is_known = |of: &Self| of.apart_frames >= config.health.verify_frames && !of.speed_is_unknown;
+        if is_known(self) && is_known(other) {
+            let odds = odds(other, self, config.bank.doubt).min(1.0);
+            self.state.mix(&other.state, odds / (1.0 + odds));
+        }
+    }
+
+    /// No vehicle goes like this.
+    pub fn is_impossible(&self, bank: &BankConfig) -> bool {
+        let speed_m_s = self.state.velocity[2];
+        !self.speed_is_unknown && !(-bank.max_reverse_m_s..=bank.max_speed_m_s).contains(&speed_m_s)
+    }
+}
+
 impl Tracker<'_> {
     pub(super) fn sort(&mut self) {
         // Stable: equal evidence keeps the older hypothesis in front.
@@ -163,12 +197,17 @@ impl Tracker<'_> {
     /// Merges what has become the same and drops what the evidence refutes.
     pub(super) fn prune(&mut self) {
         let mut kept = std::mem::take(&mut self.spare);
+        let bank = &self.config.bank;
         let best = self.bank.first().map_or(0.0, |best| best.log_weight);
         for hypothesis in self.bank.drain(..) {
-            let refuted = hypothesis.log_weight < best - self.config.bank.prune_margin
-                || (hypothesis.is_impossible(&self.config.bank) && !kept.is_empty());
-            let room = kept.len() < self.config.bank.capacity(hypothesis.age_frames);
-            if !refuted && room && !kept.iter().any(|known| known.is_like(&hypothesis, &self.config.bank)) {
+            let refuted = hypothesis.log_weight < best - bank.prune_margin
+                || (hypothesis.is_impossible(bank) && !kept.is_empty());
+            if refuted {
+                continue;
+            }
+            if let Some(known) = kept.iter_mut().find(|known| known.is_like(&hypothesis, bank)) {
+                known.merge(&hypothesis, &self.config);
+            } else if kept.len() < bank.capacity(hypothesis.age_frames) {
                 kept.push(hypothesis);
             }
         }

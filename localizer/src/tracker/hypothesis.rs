@@ -20,7 +20,7 @@ use crate::local_map::{LocalMap, RoadKey};
 use crate::odometry::Odometry;
 use crate::projection::View;
 use crate::solver::Prior;
-use crate::start::{is_alike, keep_on_road};
+use crate::start::keep_on_road;
 
 /// Most speeds on each side of the mean that one of unknown speed is split into.
 const MOST_SPLITS: f64 = 50.0;
@@ -52,6 +52,8 @@ pub struct Hypothesis {
     pub astray: f64,
     /// Frames that it was tracked for.
     pub age_frames: usize,
+    /// Frames since it was the same as another.
+    pub apart_frames: usize,
     /// Frames in a row that it has been the best.
     pub led_frames: usize,
     /// Frames in a row whose matches did not hold it.
@@ -142,6 +144,7 @@ impl Hypothesis {
             handicap,
             astray: 0.0,
             age_frames: 0,
+            apart_frames: 0,
             led_frames: 0,
             weak_frames: 0,
             is_carried: false,
@@ -189,24 +192,6 @@ impl Hypothesis {
         self.astray = astray;
     }
 
-    /// Both tell the same.
-    pub fn is_like(&self, other: &Self, bank: &BankConfig) -> bool {
-        let faster_m_s = (self.state.velocity[2] - other.state.velocity[2]).abs();
-        is_alike(&self.state.map_from_camera, &other.state.map_from_camera, bank.alike_m, bank.alike_rad)
-            && if self.speed_is_unknown || other.speed_is_unknown {
-                // Who knows its speed covers who does not.
-                !self.speed_is_unknown || other.speed_is_unknown
-            } else {
-                faster_m_s <= bank.alike_m_s
-            }
-    }
-
-    /// No vehicle goes like this.
-    pub fn is_impossible(&self, bank: &BankConfig) -> bool {
-        let speed_m_s = self.state.velocity[2];
-        !self.speed_is_unknown && !(-bank.max_reverse_m_s..=bank.max_speed_m_s).contains(&speed_m_s)
-    }
-
     /// What speaks for it: in the frames before the last, and in the last, nats.
     pub fn spoken(&self) -> (f64, f64) {
         (self.past_weight, self.evidence)
@@ -225,7 +210,7 @@ impl Hypothesis {
 
     /// The same, which does not follow what is believed, and pays for it, nats.
     pub fn disbelieving(&self, cost: f64) -> Self {
-        Self { handicap: self.handicap + cost, ..self.clone() }
+        Self { handicap: self.handicap + cost, apart_frames: 0, ..self.clone() }
     }
 
     /// Begins anew, with what speaks for it beyond this, nats.
@@ -239,6 +224,7 @@ impl Hypothesis {
     /// speed is unknown. Wheels, where there are any, say how fast it is.
     pub fn predict(mut self, dt_s: f64, odometry: Option<&Odometry>, config: &Config, out: &mut Vec<Self>) {
         self.age_frames += 1;
+        self.apart_frames += 1;
         self.interval = None;
         let way_m = self.state.velocity.fixed_rows::<3>(0).norm() * dt_s;
         self.foreseen.fade((-way_m / config.health.foreseen_memory_m).exp());
@@ -264,7 +250,7 @@ impl Hypothesis {
             .filter(|speed| reach == 0 || (-0.5 * step_m_s..=config.bank.max_speed_m_s).contains(speed))
             .collect();
         for &speed_m_s in &speeds {
-            let mut split = self.clone();
+            let mut split = Self { apart_frames: 0, ..self.clone() };
             let off = (speed_m_s - self.state.velocity[2]) / sigma_m_s.max(1e-9);
             // The prior of the speed, and that one of the splits is right.
             split.past_weight -= 0.5 * off * off + ((2 * reach + 1) as f64).ln();

@@ -75,7 +75,7 @@ impl Matcher {
                 at.reach_px = reach_px;
             }
         }
-        self.settle(scene.features.lanes.len(), lanes.len());
+        self.assignment.find(&self.pairs, scene.features.lanes.len(), lanes.len());
         let first = self.matches.len();
         let (ats, vertices) = (std::mem::take(&mut self.lanes), std::mem::take(&mut self.vertices));
         let at = |candidate: usize| ats.get(candidate).zip(lanes.get(candidate));

@@ -125,7 +125,7 @@ impl Matcher {
             }
             self.poles.push(Some(at));
         }
-        self.settle(scene.features.poles.len(), scene.candidates.poles.len());
+        self.assignment.find(&self.pairs, scene.features.poles.len(), scene.candidates.poles.len());
         let poles = std::mem::take(&mut self.poles);
         let at = |candidate: usize| poles.get(candidate).copied().flatten().zip(scene.candidates.poles.get(candidate));
         let unseen = self.close(

@@ -43,7 +43,7 @@ impl Matcher {
                 self.pairs.push(Pair { feature: i, candidate, distance2, support });
             }
         }
-        self.settle(scene.features.signs.len(), signs.len());
+        self.assignment.find(&self.pairs, scene.features.signs.len(), signs.len());
         self.close(
             look.wanted,
             true,

@@ -25,6 +25,36 @@ fn where_two_may_be_right_their_mean_is_said_with_their_spread() {
 }
 
 #[test]
+fn of_two_that_come_to_tell_the_same_the_less_probable_is_not_forgotten() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let mut tracker = followed(&world, &mut map);
+    let best = tracker.bank.remove(0);
+    let config = Config::default();
+    let own_m2 = best.state.pose_covariance()[(2, 2)];
+    // Where a pose and its variance get to by one 0.3 m farther along, less probable by so
+    // many nats, that was tracked beside it for so long.
+    let mut merged = |behind: f64, apart_frames: usize| {
+        let mut other = best.clone();
+        (other.apart_frames, other.log_weight) = (apart_frames, best.log_weight - behind);
+        other.state.map_from_camera = retract(&best.state.map_from_camera, &(Tangent::z() * 0.3));
+        tracker.bank = vec![best.clone(), other];
+        tracker.prune();
+        assert_eq!(tracker.bank.len(), 1);
+        let state = &tracker.bank[0].state;
+        let forward_m = local(&best.state.map_from_camera, &state.map_from_camera)[2];
+        (forward_m, state.pose_covariance()[(2, 2)] - own_m2)
+    };
+    let (forward_m, more_m2) = merged(0.0, best.apart_frames);
+    assert!((forward_m - 0.15).abs() < 1e-6 && (more_m2 - 0.15 * 0.15).abs() < 1e-6, "{forward_m} m, {more_m2} m2");
+    let (less_m, _) = merged(config.bank.doubt, best.apart_frames);
+    assert!(less_m > 0.03 && less_m < 0.1, "{less_m} m");
+    // What was just split off it knows nothing of its own.
+    let (young_m, _) = merged(0.0, config.health.verify_frames - 1);
+    assert!(young_m.abs() < 1e-9, "{young_m} m");
+}
+
+#[test]
 fn a_frame_that_fits_all_as_well_leaves_what_was_known_of_them() {
     let world = World::new(street());
     let mut map = LocalMap::whole(world.map.clone());

@@ -122,7 +122,7 @@ fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> boo
     (is_equipment || pole.attached_share <= largest_attached_share(pole, stack, config))
         && (is_equipment || !is_short || pole.radius_m <= config.thickest_short_m)
         && pole.spread_m <= largest_spread_m(pole, config)
-        && pole.radius_m <= if stack.is_under_sheet { config.slender_m } else { config.thickest_m }
+        && pole.radius_m <= largest_radius_m(pole, stack, config)
         && pole.scans >= config.fewest_scans
         && (pole.reflectance >= config.least_reflectance || !is_glimpse(pole, config))
         && pole.nearest_hit_m <= config.hit_within_m
@@ -132,6 +132,16 @@ fn looks_like_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> boo
         && pole.top_height_m >= config.lowest_top_m
         && pole.free_m >= least_free_m
         && free_share >= least_share
+}
+
+/// How thick a pole may be. Below a plate one is sought where something else stands as well:
+/// it is measured with what is beside it, and in a hedge that is leaves on all sides.
+fn largest_radius_m(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> f64 {
+    match (stack.is_under_sheet, pole.is_in_hedge(config)) {
+        (false, _) => config.thickest_m,
+        (true, false) => config.slender_m,
+        (true, true) => config.post_radius_m,
+    }
 }
 
 /// Whether the sheeting on it says that it was put up for the traffic: it is at the

@@ -187,6 +187,18 @@ fn sheeting_on_a_far_wall_says_that_a_post_is_one() {
 }
 
 #[test]
+fn below_a_plate_leaves_around_a_post_make_it_wider_and_nothing_else_may() {
+    let config = PoleConfig::default();
+    let (pole, mut stack) = slender();
+    stack.is_under_sheet = true;
+    let is_pole = |radius_m: f64, hedge_share: f64| {
+        is_pole(&FittedPole { radius_m, hedge_share, ..pole.clone() }, &stack, &config)
+    };
+    assert!(is_pole(0.05, 0.0) && is_pole(0.1, 0.3));
+    assert!(!is_pole(0.1, 0.1) && !is_pole(0.15, 0.3));
+}
+
+#[test]
 fn what_a_hedge_touches_in_every_slice_is_a_post_where_it_stands_out_of_it() {
     let config = PoleConfig::default();
     let (pole, mut stack) = slender();

@@ -2,9 +2,9 @@
 
 use super::{NONE, Pair};
 
-/// What a pair counts for. A nat more than its support: so much it costs at least that
-/// a landmark is unseen. Never below 0, and less for less: what says little is taken where
-/// nothing else is, for a wide gate says little of any pair.
+/// What a pair counts for: a nat more than its support, about what it costs that a landmark
+/// is unseen. Never below 0, and less for less: what says little is taken where nothing else
+/// is, for a wide gate says little of any pair.
 fn worth(pair: &Pair) -> f64 {
     if pair.support > 0.0 { 1.0 + pair.support } else { 1.0 / (1.0 - pair.support) }
 }

@@ -51,8 +51,9 @@ pub struct BankConfig {
     /// ([`Self::most_astray`]).
     pub jump_cost: f64,
     /// Evidence by which the weight falls to 37 % in the mean that is said where
-    /// no hypothesis is ok, nats. More than 1, for frames see the same landmarks
-    /// with the same errors and count several times.
+    /// no hypothesis is ok, and in that which is left of two that have come to tell the
+    /// same, nats. More than 1, for frames see the same landmarks with the same errors
+    /// and count several times.
     pub doubt: f64,
     /// Half the squared Mahalanobis distance from the prediction above which
     /// matches are not believed: 11.2 is 99.9 % for six degrees of freedom.

@@ -155,6 +155,7 @@ impl Hypothesis {
     pub fn merge(&mut self, other: &Self, config: &Config) {
         let is_known = |of: &Self| of.apart_frames >= config.health.verify_frames && !of.speed_is_unknown;
         if is_known(self) && is_known(other) {
+            // Doubted, the other may seem the more probable, but it is not.
             let odds = odds(other, self, config.bank.doubt).min(1.0);
             self.state.mix(&other.state, odds / (1.0 + odds));
         }

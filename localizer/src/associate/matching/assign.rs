@@ -2,29 +2,35 @@
 
 use super::{NONE, Pair};
 
-/// What a pair counts for: a nat more than its support, about what it costs that a landmark
+/// Weight of a pair in the sum: a nat more than its support, about what it costs that a landmark
 /// is unseen. Never below 0, and less for less: what says little is taken where nothing else
 /// is, for a wide gate says little of any pair.
-fn worth(pair: &Pair) -> f64 {
+fn weight(pair: &Pair) -> f64 {
     if pair.support > 0.0 { 1.0 + pair.support } else { 1.0 / (1.0 - pair.support) }
+}
+
+/// Makes a buffer hold a value so many times.
+fn refill<T: Clone>(buffer: &mut Vec<T>, count: usize, value: T) {
+    buffer.clear();
+    buffer.resize(count, value);
 }
 
 /// The two best pairs of a feature or candidate.
 #[derive(Debug, Clone, Copy)]
 struct Best {
     pair: usize,
-    worth: f64,
+    weight: f64,
     next: f64,
 }
 
 impl Best {
-    const NO: Self = Self { pair: NONE, worth: 0.0, next: 0.0 };
+    const NO: Self = Self { pair: NONE, weight: 0.0, next: 0.0 };
 
-    fn offer(&mut self, pair: usize, worth: f64) {
-        if self.pair == NONE || worth > self.worth {
-            *self = Self { pair, worth, next: self.worth };
-        } else if worth > self.next {
-            self.next = worth;
+    fn offer(&mut self, pair: usize, weight: f64) {
+        if self.pair == NONE || weight > self.weight {
+            *self = Self { pair, weight, next: self.weight };
+        } else if weight > self.next {
+            self.next = weight;
         }
     }
 }
@@ -68,10 +74,8 @@ impl Assignment {
 
     /// Finds the pairs, no two of one feature or candidate, that are worth most together.
     pub fn find(&mut self, pairs: &[Pair], features: usize, candidates: usize) {
-        for (taken, count) in [(&mut self.of_feature, features), (&mut self.of_candidate, candidates)] {
-            taken.clear();
-            taken.resize(count, NONE);
-        }
+        refill(&mut self.of_feature, features, NONE);
+        refill(&mut self.of_candidate, candidates, NONE);
         self.open.clear();
         self.open.extend(0..pairs.len());
         while !self.open.is_empty() && self.take_undisputed(pairs) {}
@@ -84,21 +88,19 @@ impl Assignment {
     /// together: that is part of a best set. Returns whether there was any.
     fn take_undisputed(&mut self, pairs: &[Pair]) -> bool {
         let (features, candidates) = (&mut self.features.best, &mut self.candidates.best);
-        for (best, taken) in [(&mut *features, &self.of_feature), (&mut *candidates, &self.of_candidate)] {
-            best.clear();
-            best.resize(taken.len(), Best::NO);
-        }
+        refill(features, self.of_feature.len(), Best::NO);
+        refill(candidates, self.of_candidate.len(), Best::NO);
         for &i in &self.open {
-            let worth = worth(&pairs[i]);
-            features[pairs[i].feature].offer(i, worth);
-            candidates[pairs[i].candidate].offer(i, worth);
+            let weight = weight(&pairs[i]);
+            features[pairs[i].feature].offer(i, weight);
+            candidates[pairs[i].candidate].offer(i, weight);
         }
         let open = self.open.len();
         let (of_feature, of_candidate) = (&mut self.of_feature, &mut self.of_candidate);
         for (candidate, best) in candidates.iter().enumerate() {
             let Some(&Pair { feature, .. }) = pairs.get(best.pair) else { continue };
             let its = &features[feature];
-            if its.pair == best.pair && best.worth >= its.next + best.next {
+            if its.pair == best.pair && best.weight >= its.next + best.next {
                 (of_feature[feature], of_candidate[candidate]) = (best.pair, best.pair);
             }
         }
@@ -109,14 +111,12 @@ impl Assignment {
     /// Decides the rest by the Hungarian method (Kuhn, 1955): one feature after the other
     /// comes in, by the way of exchanges that loses least.
     fn settle_disputes(&mut self, pairs: &[Pair]) {
-        for (side, taken) in [(&mut self.features, &self.of_feature), (&mut self.candidates, &self.of_candidate)] {
-            side.price.clear();
-            side.price.resize(taken.len(), 0.0);
-        }
+        refill(&mut self.features.price, self.of_feature.len(), 0.0);
+        refill(&mut self.candidates.price, self.of_candidate.len(), 0.0);
         // What each may have at most is what it is charged before anyone else comes.
         for &i in &self.open {
             let price = &mut self.features.price[pairs[i].feature];
-            *price = price.max(worth(&pairs[i]));
+            *price = price.max(weight(&pairs[i]));
         }
         for feature in 0..self.of_feature.len() {
             if self.of_feature[feature] == NONE && self.features.price[feature] > 0.0 {
@@ -141,7 +141,7 @@ impl Assignment {
             for &i in self.open.iter().filter(|&&i| pairs[i].feature == at) {
                 let candidate = pairs[i].candidate;
                 let charged = self.features.price[at] + self.candidates.price[candidate];
-                let loss = lost + (charged - worth(&pairs[i])).max(0.0);
+                let loss = lost + (charged - weight(&pairs[i])).max(0.0);
                 match self.reached.iter_mut().find(|reached| reached.candidate == candidate) {
                     None => self.reached.push(Reached { candidate, loss, by: i, is_done: false }),
                     Some(known) if !known.is_done && loss < known.loss => (known.loss, known.by) = (loss, i),
@@ -205,7 +205,7 @@ mod tests {
     }
 
     fn sum_of(pairs: &[Pair], of_candidates: &[usize]) -> f64 {
-        of_candidates.iter().filter_map(|&i| pairs.get(i)).map(worth).sum()
+        of_candidates.iter().filter_map(|&i| pairs.get(i)).map(weight).sum()
     }
 
     /// The most that any set of these pairs is worth, all tried.
@@ -214,7 +214,7 @@ mod tests {
         let mut best = most(rest, used);
         if used.iter().all(|(f, c)| *f != first.feature && *c != first.candidate) {
             used.push((first.feature, first.candidate));
-            best = best.max(worth(first) + most(rest, used));
+            best = best.max(weight(first) + most(rest, used));
             used.pop();
         }
         best
@@ -239,8 +239,7 @@ mod tests {
     #[test]
     fn a_support_that_is_no_number_stops_nothing() {
         let pairs = [pair(0, 0, f64::NAN), pair(0, 1, 2.0), pair(1, 1, f64::INFINITY), pair(1, 0, f64::NEG_INFINITY)];
-        let of_candidates = taken(&pairs, 2, 2);
-        assert_eq!(of_candidates.len(), 2);
+        assert_eq!(taken(&pairs, 2, 2)[1], 2);
     }
 
     proptest! {

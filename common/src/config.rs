@@ -129,35 +129,30 @@ pub fn to_toml<T: Serialize>(settings: &T) -> Result<String> {
 }
 
 fn parse<T: DeserializeOwned + Serialize + Default>(path: &Path, text: &str) -> Result<T> {
-    toml::from_str(text)
-        .or_else(|e| if e.message().starts_with("missing field ") { completed(text, e) } else { Err(e) })
-        .map_err(|e| {
-            let line = e.span().map_or(1, |span| line_of(text, span.start));
-            match unknown_field(e.message()) {
-                Some((key, expected)) => Error::UnknownKey {
-                    path: path.to_path_buf(),
-                    line,
-                    nearest: nearest_key(key, &expected, &known_keys(&T::default())),
-                    key: key.to_owned(),
-                },
-                None => Error::BadConfig { path: path.to_path_buf(), line, message: e.message().replace('\n', ", ") },
-            }
-        })
+    let as_it_is = toml::from_str(text);
+    let lacks_nothing = as_it_is.as_ref().err().is_none_or(|e| e.message().starts_with("missing field "));
+    completed(text).filter(|_| lacks_nothing).map_or(as_it_is, Ok).map_err(|e| {
+        let line = e.span().map_or(1, |span| line_of(text, span.start));
+        match unknown_field(e.message()) {
+            Some((key, expected)) => Error::UnknownKey {
+                path: path.to_path_buf(),
+                line,
+                nearest: nearest_key(key, &expected, &known_keys(&T::default())),
+                key: key.to_owned(),
+            },
+            None => Error::BadConfig { path: path.to_path_buf(), line, message: e.message().replace('\n', ", ") },
+        }
+    })
 }
 
-/// As read where what the tables lack stands in them as in the defaults: some
-/// tables are of one kind, but have other defaults in each place. `else_error`
-/// where the defaults lack it, too.
-fn completed<T: DeserializeOwned + Serialize + Default>(
-    text: &str,
-    else_error: toml::de::Error,
-) -> std::result::Result<T, toml::de::Error> {
-    let Ok(defaults) = toml::to_string(&T::default()) else { return Err(else_error) };
-    let (Ok(mut table), Ok(defaults)) = (DeTable::parse(text), DeTable::parse(&defaults)) else {
-        return Err(else_error);
-    };
+/// As read where what the tables lack stands in them as in the defaults of the whole: some
+/// tables are of one kind, but have other defaults in each place. None where they cannot
+/// be completed so.
+fn completed<T: DeserializeOwned + Serialize + Default>(text: &str) -> Option<T> {
+    let defaults = toml::to_string(&T::default()).ok()?;
+    let (mut table, defaults) = (DeTable::parse(text).ok()?, DeTable::parse(&defaults).ok()?);
     complete(table.get_mut(), defaults.get_ref());
-    T::deserialize(toml::Deserializer::from(table))
+    T::deserialize(toml::Deserializer::from(table)).ok()
 }
 
 /// Puts into a table, and those in it, what only the defaults have.
@@ -233,6 +228,7 @@ mod tests {
         every: usize,
         only: Option<String>,
         poles: Poles,
+        posts: Poles,
         pitch: Axis,
     }
 
@@ -253,7 +249,13 @@ mod tests {
 
     impl Default for Settings {
         fn default() -> Self {
-            Self { every: 5, only: None, poles: Poles::default(), pitch: Axis { walk: 0.1, memory_s: 0.5 } }
+            Self {
+                every: 5,
+                only: None,
+                poles: Poles::default(),
+                posts: Poles { radius_m: 0.6, heights_m: [4.0, 12.0] },
+                pitch: Axis { walk: 0.1, memory_s: 0.5 },
+            }
         }
     }
 
@@ -271,6 +273,13 @@ mod tests {
     fn what_is_not_said_stays_at_its_default() {
         let settings: Settings = parse(Path::new("a.toml"), "[poles]\nradius_m = 0.5\n").unwrap();
         assert_eq!(settings, Settings { poles: Poles { radius_m: 0.5, ..Poles::default() }, ..Settings::default() });
+    }
+
+    #[test]
+    fn what_a_table_does_not_say_is_that_of_its_place_and_not_of_its_kind() {
+        let settings: Settings = parse(Path::new("a.toml"), "[posts]\nradius_m = 0.5\n").unwrap();
+        let posts = Poles { radius_m: 0.5, heights_m: [4.0, 12.0] };
+        assert_eq!(settings, Settings { posts, ..Settings::default() });
     }
 
     #[test]

@@ -27,8 +27,12 @@ const REST: usize = STATES - 6;
 const RIGHT: usize = 6;
 /// The forward velocity.
 const FORWARD: usize = 8;
+/// The turn rate about the axis to the right.
+const PITCH_RATE: usize = 9;
 /// The turn rate about the down axis, positive to the right.
 const YAW_RATE: usize = 10;
+/// The turn rate about the forward axis.
+const ROLL_RATE: usize = 11;
 /// The scale of the wheels.
 const SCALE: usize = 12;
 /// The bias of the gyroscope.
@@ -78,6 +82,8 @@ pub struct State {
     pub rest_rad: [f64; 2],
     /// Mean forward acceleration, m/s^2.
     pub acceleration_m_s2: f64,
+    /// By how much it was shown to pitch and roll since the last image, radians.
+    pub swayed_rad: Option<[f64; 2]>,
     /// What odometry, wheels and road have said against it since the last
     /// image: half the sum of the squared Mahalanobis distances.
     pub surprise: f64,
@@ -119,6 +125,7 @@ impl State {
             higher_m: 0.0,
             rest_rad: [0.0; 2],
             acceleration_m_s2: 0.0,
+            swayed_rad: None,
             surprise: 0.0,
             covariance,
         }
@@ -206,7 +213,7 @@ impl State {
         }
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
         self.map_from_camera = retract(&self.map_from_camera, &step);
-        self.surprise = 0.0;
+        (self.surprise, self.swayed_rad) = (0.0, None);
     }
 
     /// The belief after the pose became known as `map_from_camera` with

@@ -224,7 +224,7 @@ impl World {
     pub fn odometry(&self, frame: usize) -> Odometry {
         let before = frame.checked_sub(1).map_or(&self.truth[0], |before| &self.truth[before]);
         let moved = local(before, &self.truth[frame]) / DT_S;
-        Odometry { speed_m_s: Some(moved[2]), yaw_rate_rad_s: -moved[4] }
+        Odometry::of_wheels(moved[2], -moved[4])
     }
 
     /// What the camera sees in a frame.

@@ -31,18 +31,23 @@ pub struct MotionOfImages {
     pub accuracy: OdometryConfig,
 }
 
-/// What is known of the motion: what a log of wheels says, else the images. Sets
-/// how well in the settings.
+/// What is known of the motion: what a log of wheels says, and of pitch and roll the
+/// images; all of it the images where there is none. Sets how well in the settings.
 pub fn odometry(wheels: Option<OdometryLog>, images: &MotionOfImages, config: &mut Config) -> OdometryLog {
-    wheels.unwrap_or_else(|| {
-        if !images.log.is_empty() {
-            config.odometry = images.accuracy;
-        }
-        images.log.clone()
-    })
+    if images.log.is_empty() {
+        return wheels.unwrap_or_default();
+    }
+    let Some(wheels) = wheels else {
+        config.odometry = images.accuracy;
+        return images.log.clone();
+    };
+    config.odometry.sway_sigma_rad_s = images.accuracy.sway_sigma_rad_s;
+    wheels.swaying_as(&images.log)
 }
 
-/// Looks at frames of a drive, in their order; `seen` is called for each.
+/// Looks at frames of a drive, in their order; `seen` is called for each. Where wheels
+/// tell the motion, label images are not asked for it: they tell pitch and roll no better
+/// than springs do.
 ///
 /// # Errors
 /// As [`Drive::see`], and what `seen` says.
@@ -50,11 +55,13 @@ pub fn watch(
     drive: &Drive,
     frames: impl IntoIterator<Item = usize, IntoIter: Send>,
     source: &Source,
+    has_wheels: bool,
     config: &Config,
     mut seen: impl FnMut(usize, &Seen) -> Result<()>,
 ) -> Result<Watched> {
-    let is_on = config.visual_odometry.is_on;
-    let mut watcher = is_on.then(|| Watcher::new(drive, !drive.moves_by_images(), config));
+    let moves_by_images = drive.moves_by_images();
+    let is_on = config.visual_odometry.is_on && (moves_by_images || !has_wheels);
+    let mut watcher = is_on.then(|| Watcher::new(drive, !moves_by_images, config));
     let mut seen_frames = Vec::new();
     drive.see_all(frames, source, &config.vision, |frame, found| {
         seen(frame, &found)?;

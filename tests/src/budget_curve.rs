@@ -58,7 +58,7 @@ impl Seen {
         let drive = Drive::open(root, sequence, Some(labels), 0, None, config.vision.widest_px).map_err(say)?;
         let truth = common::kitti::read_poses(truth).map_err(|error| error.to_string())?;
         let known = drive.frames.iter().copied().filter(|&frame| frame < truth.len());
-        let Watched { frames, motion } = watch(&drive, known, &source, &config, |_, _| Ok(())).map_err(say)?;
+        let Watched { frames, motion } = watch(&drive, known, &source, false, &config, |_, _| Ok(())).map_err(say)?;
         if frames.is_empty() {
             return Err("the drive has no frame with a true pose; give the poses of this drive".to_owned());
         }

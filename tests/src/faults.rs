@@ -140,7 +140,9 @@ impl Faulty {
     /// Where one cannot be read.
     pub fn look_again(mut self) -> localizer::Result<Self> {
         if let Some(images) = self.trial.images.as_ref().filter(|_| !self.deliveries.is_empty()) {
-            self.trial.odometry = images.motion(&self.deliveries)?;
+            let shown = images.motion(&self.deliveries)?;
+            let odometry = &mut self.trial.odometry;
+            *odometry = if images.are_beside_wheels { odometry.swaying_as(&shown) } else { shown };
         }
         Ok(self)
     }
@@ -214,9 +216,11 @@ impl Fault {
             }
         }
         let mut deliveries = Vec::new();
-        if trial.images.is_some() && self.is_of_images() {
+        if let Some(images) = trial.images.as_ref().filter(|_| self.is_of_images()) {
             // What they said of the motion when they were whole, they do not say.
-            trial.odometry = OdometryLog::default();
+            if !images.are_beside_wheels {
+                trial.odometry = OdometryLog::default();
+            }
             deliveries = delivered(&trial.frames);
         }
         Faulty { trial, ends, deliveries }

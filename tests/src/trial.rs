@@ -74,7 +74,7 @@ pub struct Trial {
     pub fixes: BTreeMap<usize, GpsFix>,
     /// What wheels and gyroscope say, or the images.
     pub odometry: OdometryLog,
-    /// The images, where they said it.
+    /// The images, where they said it, or what of it wheels do not.
     pub images: Option<Images>,
     /// `map_from_camera` of every frame of the sequence.
     pub truth: Vec<Pose>,
@@ -94,6 +94,8 @@ pub struct Images {
     pub sequence: String,
     /// Folder with label images, where there are any.
     pub labels: Option<PathBuf>,
+    /// Whether wheels tell the motion, and these pitch and roll alone.
+    pub are_beside_wheels: bool,
     /// Settings.
     pub config: Config,
 }
@@ -156,12 +158,11 @@ impl LookArgs {
             root: self.input.kitti.clone().unwrap_or_default(),
             sequence: self.input.sequence.clone(),
             labels: self.input.labels.clone(),
+            are_beside_wheels: wheels.is_some(),
             config: config.clone(),
         };
-        let images = Some(images).filter(|_| wheels.is_none());
-        // Where wheels tell the motion, the images are not asked.
-        config.visual_odometry.is_on &= wheels.is_none();
-        let input = self.input.read(&config, |_, _, _| Ok(()))?;
+        let input = self.input.read(wheels.is_some(), &config, |_, _, _| Ok(()))?;
+        let images = Some(images).filter(|_| wheels.is_none() || input.drive.moves_by_images());
         // The map as a whole, for it may be moved; `read` saw that it is given.
         let map = self.input.map.as_ref().map(common::map::read).transpose()?.unwrap_or_default();
         let truth = self.input.true_poses(&input.drive)?;

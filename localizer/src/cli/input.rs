@@ -104,16 +104,22 @@ impl InputArgs {
         Source::open(&networks, self.runtime, self.labels.as_deref())
     }
 
-    /// Reads the map and looks at all images; `seen` is called for each frame.
+    /// Reads the map and looks at all images, as they are asked where wheels tell the
+    /// motion; `seen` is called for each frame.
     ///
     /// # Errors
     /// Where an option is missing or a file cannot be read, and what `seen` says.
-    pub fn read(&self, config: &Config, mut seen: impl FnMut(&Drive, usize, &Seen) -> Result<()>) -> Result<Input> {
+    pub fn read(
+        &self,
+        has_wheels: bool,
+        config: &Config,
+        mut seen: impl FnMut(&Drive, usize, &Seen) -> Result<()>,
+    ) -> Result<Input> {
         let map = LocalMap::open(&super::required(self.map.as_ref(), "--map")?, &config.local_map)?;
         let source = self.open_source()?;
         let drive = self.open_drive(config)?;
         let bar = progress(drive.frames.len(), "features");
-        let watched = watch(&drive, drive.frames.iter().copied(), &source, config, |frame, found| {
+        let watched = watch(&drive, drive.frames.iter().copied(), &source, has_wheels, config, |frame, found| {
             bar.inc(1);
             seen(&drive, frame, found)
         })?;

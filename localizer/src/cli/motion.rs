@@ -42,11 +42,14 @@ pub struct MotionArgs {
     config: ConfigArgs,
 }
 
+/// A figure of a motion, where it is told.
+type Figure = fn(&Odometry) -> Option<f64>;
+
 /// One step between two images.
 struct Step {
     shown: Option<Odometry>,
-    /// Speed, m/s, and turn rate, rad/s, positive to the left.
-    truth: Option<(f64, f64)>,
+    /// The same, told by true poses.
+    truth: Option<Odometry>,
 }
 
 pub fn execute(args: &MotionArgs) -> Result<bool> {
@@ -77,7 +80,12 @@ pub fn execute(args: &MotionArgs) -> Result<bool> {
             let dt_s = drive.times_s[frame] - drive.times_s[before];
             let truth = truth.get(before).zip(truth.get(frame)).map(|(from, to)| {
                 let moved = from.inverse() * to;
-                (moved.translation.vector.z / dt_s, -moved.rotation.scaled_axis().y / dt_s)
+                let turn_rad_s = moved.rotation.scaled_axis() / dt_s;
+                Odometry {
+                    speed_m_s: Some(moved.translation.vector.z / dt_s),
+                    yaw_rate_rad_s: -turn_rad_s.y,
+                    sway_rad_s: Some([turn_rad_s.x, turn_rad_s.z]),
+                }
             });
             steps.push(Step { shown, truth });
             let field = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.4}"));
@@ -107,15 +115,20 @@ fn table(steps: &[Step], each_ms: f64) -> String {
         told(Odometry::tells_speed)
     );
     let pairs = || steps.iter().filter_map(|step| step.shown.zip(step.truth));
-    let speeds: Vec<f64> = pairs().filter_map(|(shown, (speed_m_s, _))| Some(shown.speed_m_s? - speed_m_s)).collect();
-    let turns: Vec<f64> = pairs().map(|(shown, (_, yaw_rate_rad_s))| shown.yaw_rate_rad_s - yaw_rate_rad_s).collect();
-    for (what, off) in [("speed, m/s", &speeds), ("yaw rate, rad/s", &turns)] {
+    let figures: [(&str, Figure); 4] = [
+        ("speed, m/s", |motion| motion.speed_m_s),
+        ("yaw rate, rad/s", |motion| Some(motion.yaw_rate_rad_s)),
+        ("pitch rate, rad/s", |motion| motion.sway_rad_s.map(|[pitch_rad_s, _]| pitch_rad_s)),
+        ("roll rate, rad/s", |motion| motion.sway_rad_s.map(|[_, roll_rad_s]| roll_rad_s)),
+    ];
+    for (what, figure) in figures {
+        let off: Vec<f64> = pairs().filter_map(|(shown, truth)| Some(figure(&shown)? - figure(&truth)?)).collect();
         if !off.is_empty() {
             let count = off.len() as f64;
             let mean = off.iter().sum::<f64>() / count;
             let rms = (off.iter().map(|off| off * off).sum::<f64>() / count).sqrt();
             let most = off.iter().fold(0.0_f64, |most, off| most.max(off.abs()));
-            let _ = write!(text, "\n{what:<16} off by {rms:.4} RMS, {mean:+.4} mean, {most:.4} at most");
+            let _ = write!(text, "\n{what:<17} off by {rms:.4} RMS, {mean:+.4} mean, {most:.4} at most");
         }
     }
     text

@@ -64,9 +64,7 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     for folder in [Some(&out), args.save_labels.as_ref(), args.overlay.as_ref()].into_iter().flatten() {
         common::atomic_file::check_folder(folder)?;
     }
-    // Where wheels tell the motion, the images are not asked.
-    config.visual_odometry.is_on &= wheels.is_none();
-    let mut input = args.input.read(&config, |drive, frame, seen| {
+    let mut input = args.input.read(wheels.is_some(), &config, |drive, frame, seen| {
         args.save_labels.as_ref().map_or(Ok(()), |folder| drive.write_labels(folder, frame, seen))
     })?;
     if let Some((wheels, path)) = wheels.as_ref().zip(args.odometry.as_ref()) {

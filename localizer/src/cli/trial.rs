@@ -48,9 +48,7 @@ pub fn execute(args: &TrialArgs) -> Result<bool> {
         method.check(&[(args.odometry.is_some(), "--odometry"), (config.gps.fuse, "gps.fuse")])?;
     }
     let wheels = args.input.read_odometry(args.odometry.as_deref(), &config)?;
-    // Where wheels tell the motion, the images are not asked.
-    config.visual_odometry.is_on &= wheels.is_none();
-    let mut input = args.input.read(&config, |_, _, _| Ok(()))?;
+    let mut input = args.input.read(wheels.is_some(), &config, |_, _, _| Ok(()))?;
     let odometry = odometry(wheels, &input.motion, &mut config);
     let truth = args.input.true_poses(&input.drive)?;
     let methods = args.method.map_or_else(|| vec![Method::Robust, Method::Paper], |method| vec![method]);

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::odometry::Odometry;
+
 /// How a velocity component wanders.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -94,12 +96,19 @@ impl Default for MotionConfig {
 }
 
 impl MotionConfig {
-    /// The motion over a stretch of which the mean turn rate is known, and the
-    /// mean speed, too, if so: these do not wander.
-    pub(super) fn driven(&self, speed_is_known: bool) -> Self {
-        let still = |axis: AxisMotion| AxisMotion { walk: 0.0, ..axis };
-        let forward = if speed_is_known { still(self.forward) } else { self.forward };
-        Self { forward, yaw: still(self.yaw), ..*self }
+    /// The motion over a stretch of which the mean turn rate is known, and what else
+    /// is shown: these do not wander.
+    pub(super) fn driven(&self, shown: &Odometry) -> Self {
+        let unless =
+            |is_known: bool, axis: AxisMotion| AxisMotion { walk: if is_known { 0.0 } else { axis.walk }, ..axis };
+        let sways = shown.sway_rad_s.is_some();
+        Self {
+            forward: unless(shown.tells_speed(), self.forward),
+            pitch: unless(sways, self.pitch),
+            yaw: unless(true, self.yaw),
+            roll: unless(sways, self.roll),
+            ..*self
+        }
     }
 
     pub(super) fn axes(&self) -> [AxisMotion; 6] {

@@ -6,8 +6,8 @@ use common::geometry::{Tangent, retract};
 use nalgebra::Matrix6;
 
 use super::{
-    BIAS, FORWARD, HEIGHT, LEVER, MOUNTING, MotionConfig, REST_PITCH, REST_ROLL, RIGHT, SCALE, State, VectorN,
-    YAW_RATE, kept_after,
+    BIAS, FORWARD, HEIGHT, LEVER, MOUNTING, MotionConfig, PITCH_RATE, REST_PITCH, REST_ROLL, RIGHT, ROLL_RATE, SCALE,
+    State, VectorN, YAW_RATE, kept_after,
 };
 use crate::odometry::{Odometry, OdometryConfig};
 
@@ -54,10 +54,27 @@ impl State {
         row[BIAS] = 1.0;
         let expected_rad_s = state.yaw_bias_rad_s - state.velocity[4];
         surprise += state.absorb(&row, shown.yaw_rate_rad_s - expected_rad_s, config.yaw_rate_sigma_rad_s);
-        state.move_on(dt_s, &motion.driven(shown.tells_speed()));
+        if let Some(shown_rad_s) = shown.sway_rad_s {
+            state.sway(dt_s, shown_rad_s, motion, config);
+        }
+        state.move_on(dt_s, &motion.driven(shown));
+        state.swayed_rad = shown.sway_rad_s.map(|rad_s| rad_s.map(|rad_s| rad_s * dt_s));
         state.roll_on_wheels(dt_s, motion);
         state.surprise += surprise;
         state
+    }
+
+    /// Takes in how the camera pitched and rolled on the average over `dt_s`. Vehicles
+    /// sway alike wherever they are: that it was not expected speaks against nothing.
+    fn sway(&mut self, dt_s: f64, shown_rad_s: [f64; 2], motion: &MotionConfig, config: &OdometryConfig) {
+        for (rate, axis, rad_s) in
+            [(PITCH_RATE, motion.pitch, shown_rad_s[0]), (ROLL_RATE, motion.roll, shown_rad_s[1])]
+        {
+            self.covariance[(rate, rate)] += axis.walk * axis.walk * dt_s;
+            let mut row = VectorN::zeros();
+            row[rate] = 1.0;
+            self.absorb(&row, rad_s - self.velocity[rate - 6], config.sway_sigma_rad_s);
+        }
     }
 
     /// The share of its way that is shown: all of it by wheels, by images what a camera
@@ -121,14 +138,26 @@ impl State {
 
     /// What springs took back in the last `dt_s`. `level_rad` is by how much
     /// pitch and roll of a level camera on the survey's path are more than
-    /// this one's: `p' = p + (1 - k) (level + rest)`, `k` what is kept.
+    /// this one's: `p' = p + (1 - k) (level + rest)`, `k` what is kept. Where it was
+    /// shown how the camera swayed, that is in it, and says where the springs rest.
     pub fn spring_back(&mut self, dt_s: f64, level_rad: [f64; 2], motion: &MotionConfig) {
         let kept = kept_after(dt_s, motion.spring_s);
+        let axes = [(3, REST_PITCH, motion.pitch), (5, REST_ROLL, motion.roll)];
+        if let Some(swayed_rad) = self.swayed_rad {
+            for (i, (swaying, resting, axis)) in axes.into_iter().enumerate() {
+                // Before it swayed, a level camera's were more by that.
+                let off_rad = level_rad[i] + self.rest_rad[i] + swayed_rad[i];
+                let mut row = VectorN::zeros();
+                row[swaying] = kept - 1.0;
+                row[resting] = 1.0 - kept;
+                let sigma_rad = axis.walk * axis.memory_s * dt_s.max(1e-3).sqrt();
+                self.absorb(&row, swayed_rad[i] - (1.0 - kept) * off_rad, sigma_rad);
+            }
+            return;
+        }
         let mut back = Tangent::zeros();
-        for (swaying, resting, off_rad) in
-            [(3, REST_PITCH, level_rad[0] + self.rest_rad[0]), (5, REST_ROLL, level_rad[1] + self.rest_rad[1])]
-        {
-            back[swaying] = (1.0 - kept) * off_rad;
+        for (i, (swaying, resting, _)) in axes.into_iter().enumerate() {
+            back[swaying] = (1.0 - kept) * (level_rad[i] + self.rest_rad[i]);
             self.sharpen(swaying, kept);
             self.take_along(swaying, resting, 1.0 - kept);
         }
@@ -148,7 +177,7 @@ mod tests {
     fn wheels_and_gyroscope_carry_on_in_the_dark_and_are_calibrated_in_the_light() {
         let (motion, config) = (MotionConfig::default(), OdometryConfig::default());
         // The wheels show 1.5 % too much, the gyroscope 0.008 rad/s.
-        let shown = Odometry { speed_m_s: Some(12.0 * 1.015), yaw_rate_rad_s: 0.008 - 0.2 };
+        let shown = Odometry::of_wheels(12.0 * 1.015, 0.008 - 0.2);
         let mut truth = state();
         truth.velocity[0] = 0.0;
         let mut filter = truth.clone();
@@ -207,7 +236,7 @@ mod tests {
     fn a_corner_ends_in_the_same_place_in_long_steps_and_in_short_ones() {
         let (motion, config) = (MotionConfig::default(), OdometryConfig::default());
         let (speed_m_s, turn_rad_s, lever_m) = (6.0, 0.4, motion.lever_m);
-        let shown = Odometry { speed_m_s: Some(speed_m_s), yaw_rate_rad_s: -turn_rad_s };
+        let shown = Odometry::of_wheels(speed_m_s, -turn_rad_s);
         // From the camera back to the axle, which drives an arc, and to the camera again.
         let axle = Tangent::new(0.0, 0.0, speed_m_s, 0.0, turn_rad_s, 0.0);
         let ahead = Tangent::new(0.0, 0.0, lever_m, 0.0, 0.0, 0.0);
@@ -252,7 +281,7 @@ mod tests {
         assert!((higher.shown_share(&OdometryConfig::default()) - 1.0).abs() < 1e-12);
         // However low, nothing turns round or to infinity.
         assert!((State { higher_m: -5.0, ..higher.clone() }.shown_share(&config) - 10.0).abs() < 1e-9);
-        let shown = Odometry { speed_m_s: Some(12.0 * 1.65 / 2.3), yaw_rate_rad_s: 0.0 };
+        let shown = Odometry::of_wheels(12.0 * 1.65 / 2.3, 0.0);
         let driven = higher.driven(0.1, Some(&shown), &motion, &config);
         assert!((driven.velocity[2] - 12.0).abs() < 0.05 && driven.surprise < 0.1, "{}", driven.velocity[2]);
         // Who sees where it goes learns from that how high it sits.
@@ -307,6 +336,34 @@ mod tests {
         // A sway of 0.6 degrees about a rest that may be off by 1.5.
         assert!(sigma_rad > 0.01 && sigma_rad < 0.035, "{sigma_rad}");
         assert!(nalgebra::Cholesky::new(filter.covariance).is_some());
+    }
+
+    #[test]
+    fn a_sway_that_is_shown_is_followed_and_tells_where_the_springs_rest() {
+        let (motion, config) = (MotionConfig::default(), OdometryConfig::default());
+        let level = state();
+        let run = |is_shown: bool| {
+            let mut filter = level.clone();
+            filter.velocity = Tangent::zeros();
+            filter.measure(3, 0.0, 1e-3);
+            let mut truth_rad = 0.0;
+            // Nods once a second about a rest 0.02 up.
+            for i in 1..=20 {
+                let next_rad = 0.02 * (1.0 - (-f64::from(i) * 0.2).exp()) + 0.01 * (f64::from(i) * 0.628).sin();
+                let sway_rad_s = is_shown.then_some([(next_rad - truth_rad) / 0.1, 0.0]);
+                truth_rad = next_rad;
+                let shown = Odometry { sway_rad_s, ..Odometry::of_wheels(0.0, 0.0) };
+                filter = filter.driven(0.1, Some(&shown), &motion, &config);
+                let off = local(&level.map_from_camera, &filter.map_from_camera);
+                filter.spring_back(0.1, [-off[3], -off[5]], &motion);
+            }
+            let off_rad = local(&level.map_from_camera, &filter.map_from_camera)[3] - truth_rad;
+            (off_rad.abs(), filter.covariance[(3, 3)].sqrt(), filter.rest_rad[0])
+        };
+        let ((off_rad, sigma_rad, rest_rad), (unseen_rad, unseen_sigma_rad, _)) = (run(true), run(false));
+        assert!(off_rad < 0.002 && off_rad < 0.2 * unseen_rad, "{off_rad} {unseen_rad}");
+        assert!(sigma_rad < 0.4 * unseen_sigma_rad && sigma_rad > off_rad, "{sigma_rad} {unseen_sigma_rad}");
+        assert!((0.005..0.03).contains(&rest_rad), "{rest_rad}");
     }
 
     #[test]

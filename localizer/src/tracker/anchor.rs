@@ -55,7 +55,7 @@ mod tests {
     fn anchored(frames: usize, pulled_from: usize, config: &Config) -> (Anchor, Pose) {
         let (known, velocity) = (Matrix6::identity() * 1e-4, Tangent::new(0.0, 0.0, SPEED_M_S, 0.0, 0.0, 0.0));
         let mut way = State::new(Pose::identity(), &known, velocity, &known, &config.motion, &config.odometry);
-        let shown = Odometry { speed_m_s: Some(SPEED_M_S), yaw_rate_rad_s: 0.0 };
+        let shown = Odometry::of_wheels(SPEED_M_S, 0.0);
         let mut anchor = Anchor::default();
         for frame in 0..frames {
             let aside = Tangent::x() * if frame >= pulled_from { 0.4 } else { 0.0 };

@@ -100,6 +100,9 @@ pub struct LabelConfig {
     /// Standard deviation of the yaw rate's bias, rad/s: held against the same,
     /// up to 0.006 in the mean of a drive.
     pub yaw_bias_sigma_rad_s: f64,
+    /// Standard deviation of the rates of pitch and roll over one frame, rad/s: held
+    /// against the same 0.004 to 0.012 and 0.009 to 0.035, so taken as that much and more.
+    pub sway_sigma_rad_s: f64,
 }
 
 /// The road before the vehicle, seen from above.
@@ -156,8 +159,8 @@ pub struct RoadConfig {
 impl VisualOdometryConfig {
     /// How well the turn from label images is known.
     pub fn accuracy_of_labels(&self) -> OdometryConfig {
-        let LabelConfig { yaw_rate_sigma_rad_s, yaw_bias_sigma_rad_s, .. } = self.labels;
-        OdometryConfig { yaw_rate_sigma_rad_s, yaw_bias_sigma_rad_s, ..self.accuracy }
+        let LabelConfig { yaw_rate_sigma_rad_s, yaw_bias_sigma_rad_s, sway_sigma_rad_s, .. } = self.labels;
+        OdometryConfig { yaw_rate_sigma_rad_s, yaw_bias_sigma_rad_s, sway_sigma_rad_s, ..self.accuracy }
     }
 }
 
@@ -221,6 +224,7 @@ impl Default for LabelConfig {
             aside_sigma_rad: 0.015,
             yaw_rate_sigma_rad_s: 0.06,
             yaw_bias_sigma_rad_s: 0.003,
+            sway_sigma_rad_s: 0.04,
         }
     }
 }

@@ -163,7 +163,9 @@ impl VisualOdometer {
             (self.speed_m_s, self.unseen_s) = (speed_m_s, 0.0);
         }
         self.learn_pitch(&parameters, dt_s);
-        is_timed.then(|| Odometry { speed_m_s, yaw_rate_rad_s: -self.turn_rad_s[YAW] })
+        let [pitch_rad_s, yaw_rad_s, roll_rad_s] = self.turn_rad_s;
+        let sway_rad_s = Some([pitch_rad_s, roll_rad_s]);
+        is_timed.then_some(Odometry { speed_m_s, yaw_rate_rad_s: -yaw_rad_s, sway_rad_s })
     }
 
     /// The rotation and the direction of the motion since `before`: as at the

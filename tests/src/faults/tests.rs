@@ -36,8 +36,11 @@ fn every_fault_repeats_with_its_seed_and_changes_something() {
 
 #[test]
 fn spoilt_images_are_looked_at_as_they_come_and_wheels_are_believed() {
-    let images = Images { root: "".into(), sequence: "00".into(), labels: None, config: Config::default() };
-    let by_images = Trial { images: Some(images), ..clean() };
+    let images = |are_beside_wheels| {
+        let (root, sequence) = ("".into(), "00".into());
+        Some(Images { root, sequence, labels: None, are_beside_wheels, config: Config::default() })
+    };
+    let by_images = Trial { images: images(false), ..clean() };
     let deliveries = |fault: Fault| {
         let faulty = fault.applied(&by_images, 1);
         assert!(faulty.trial.odometry.is_empty());
@@ -52,6 +55,11 @@ fn spoilt_images_are_looked_at_as_they_come_and_wheels_are_believed() {
     assert_eq!(frames(Fault::Dropped)[3..5], [Some(3), Some(5)]);
     let late_s = deliveries(Fault::Clock)[1].time_s - by_images.frames[1].time_s;
     assert!((late_s - 0.05).abs() < 1e-9, "{late_s}");
+    // Beside wheels they are looked at for pitch and roll alone.
+    let beside_wheels = Trial { images: images(true), ..clean() };
+    let faulty = Fault::Black.applied(&beside_wheels, 1);
+    assert_eq!(faulty.trial.odometry, beside_wheels.odometry);
+    assert!(!faulty.deliveries.is_empty());
     // What is only found in them spoils no motion, and no image spoils wheels.
     for (fault, trial) in [(Fault::NoLanes, &by_images), (Fault::Black, &clean())] {
         let faulty = fault.applied(trial, 1);

@@ -14,6 +14,7 @@ fn speed_and_turn_come_from_the_images_of_a_drive() {
     let truth = drive.join("truth/poses.txt");
     let words = ["motion", "--kitti", text(&drive), "--sequence", "00", "--out", text(&csv), "--truth"];
     let said = run("localizer", &[&words[..], &[text(&truth)]].concat()).ok();
+    assert!(said.contains("pitch rate, rad/s off by 0.00") && said.contains("roll rate, rad/s"), "{said}");
     // One speed alone is not believed.
     assert!(said.starts_with("7 steps: turn told in 7, speed in 6; "), "{said}");
     let poses = common::kitti::read_poses(&truth).unwrap();
@@ -44,12 +45,25 @@ fn a_missing_image_costs_what_it_alone_would_tell() {
     let widest_px = Config::default().vision.widest_px;
     let drive = Drive::open(&root, "00", Some(&labels), 0, None, widest_px).unwrap();
     let (config, times_s) = (Config::default(), &drive.times_s);
-    let watched =
-        watch(&drive, drive.frames.clone(), &Source::Labels(labels.clone()), &config, |_, _| Ok(())).unwrap().motion;
+    let watched = watch(&drive, drive.frames.clone(), &Source::Labels(labels.clone()), false, &config, |_, _| Ok(()))
+        .unwrap()
+        .motion;
     let delivered = |&frame: &usize| Delivery { time_s: times_s[frame], frame: Some(frame) };
     let deliveries: Vec<Delivery> = drive.frames.iter().map(delivered).collect();
     assert_eq!(motion(&drive, Some(&labels), &deliveries, &config).unwrap(), watched);
+    let poses = common::kitti::read_poses(root.join("truth/poses.txt")).unwrap();
+    let turn = (poses[5].inverse() * poses[6]).rotation.scaled_axis() / (times_s[6] - times_s[5]);
+    let [pitch_rad_s, roll_rad_s] = watched.log.between(times_s[5], times_s[6]).unwrap().sway_rad_s.unwrap();
+    assert!((pitch_rad_s - turn.x).abs() < 0.01 && (roll_rad_s - turn.z).abs() < 0.01, "{pitch_rad_s} {roll_rad_s}");
     let speed_m_s = |from: usize, to: usize| watched.log.between(times_s[from], times_s[to])?.speed_m_s;
     assert!(speed_m_s(2, 3).is_some() && speed_m_s(3, 5).is_some() && speed_m_s(6, 7).is_some());
     assert!(watched.log.between(times_s[0], times_s[1]).is_none());
+    // Without any, label images tell the turn, but not where wheels tell it better.
+    std::fs::remove_dir_all(root.join("sequences/00/image_2")).unwrap();
+    let drive = Drive::open(&root, "00", Some(&labels), 0, None, widest_px).unwrap();
+    for has_wheels in [false, true] {
+        let source = Source::Labels(labels.clone());
+        let log = watch(&drive, drive.frames.clone(), &source, has_wheels, &config, |_, _| Ok(())).unwrap().motion.log;
+        assert_eq!(log.is_empty(), has_wheels);
+    }
 }

@@ -25,9 +25,9 @@ fn who_was_not_seen_for_long_is_found_on_the_roads_in_reach() {
 fn who_followed_a_gyroscope_that_was_off_is_found_again() {
     let world = World::new(Recipe { speed_m_s: 6.0, length_m: 150.0, ..Recipe::default() });
     let lies = 60..80;
-    let turns = |frame: usize, Odometry { speed_m_s, yaw_rate_rad_s }: Odometry| {
+    let turns = |frame: usize, shown: Odometry| {
         let more_rad_s = if lies.contains(&frame) { 1.5 } else { 0.0 };
-        Odometry { speed_m_s, yaw_rate_rad_s: yaw_rate_rad_s + more_rad_s }
+        Odometry { yaw_rate_rad_s: shown.yaw_rate_rad_s + more_rad_s, ..shown }
     };
     let hidden = lies.start - 10..lies.end + 10;
     let is_hidden = |frame: usize| hidden.contains(&frame);

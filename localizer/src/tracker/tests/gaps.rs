@@ -109,7 +109,7 @@ fn who_stands_when_it_is_told_again_may_have_gone_far_before() {
     let world = World::new(Recipe { length_m: 250.0, ..Recipe::default() });
     let mut log = told(&world, &[(1..61, 0.0)]);
     // Of the gap the end alone is told.
-    let stands = Odometry { speed_m_s: Some(0.0), yaw_rate_rad_s: 0.0 };
+    let stands = Odometry::of_wheels(0.0, 0.0);
     for i in 0..2 {
         let began_s = time_s(100) + 5.0 + 0.5 * f64::from(i);
         log.push(began_s, began_s + 0.5, stands);

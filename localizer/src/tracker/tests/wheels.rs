@@ -3,13 +3,13 @@ use super::*;
 #[test]
 fn wheels_that_lock_or_spin_and_numbers_that_no_vehicle_drives_are_not_believed() {
     let world = World::new(street());
-    let nonsense = |frame: usize, Odometry { speed_m_s, yaw_rate_rad_s }: Odometry| match frame {
-        30..40 => Odometry { speed_m_s: Some(0.0), yaw_rate_rad_s },
-        50..60 => Odometry { speed_m_s: speed_m_s.map(|m_s| 2.0 * m_s), yaw_rate_rad_s },
-        70 => Odometry { speed_m_s, yaw_rate_rad_s: 14.0 },
-        74..78 => Odometry { speed_m_s, yaw_rate_rad_s: -1.5 },
-        80 => Odometry { speed_m_s: Some(1e200), yaw_rate_rad_s: -1e200 },
-        _ => Odometry { speed_m_s, yaw_rate_rad_s },
+    let nonsense = |frame: usize, shown: Odometry| match frame {
+        30..40 => Odometry { speed_m_s: Some(0.0), ..shown },
+        50..60 => Odometry { speed_m_s: shown.speed_m_s.map(|m_s| 2.0 * m_s), ..shown },
+        70 => Odometry { yaw_rate_rad_s: 14.0, ..shown },
+        74..78 => Odometry { yaw_rate_rad_s: -1.5, ..shown },
+        80 => Odometry { speed_m_s: Some(1e200), yaw_rate_rad_s: -1e200, ..shown },
+        _ => shown,
     };
     let run = run(&world, &GpsConfig::default(), 1, &Mishap { has_wheels: true, wheels: &nonsense, ..NONE });
     let started = run.ok_from(0).unwrap();

@@ -22,6 +22,9 @@ pub struct OdometryConfig {
     /// The same of a vehicle that stands: it neither slips nor sways, but wheels
     /// do not tell creeping.
     pub standing_sigma_m_s: f64,
+    /// What is added to that for each rad/s of turning, metres: how far to the side of the
+    /// axle the speed may be that is shown.
+    pub speed_sigma_of_turn_m: f64,
     /// Standard deviation of the scale of all speeds (share): tyres wear and
     /// are inflated to within 2 %.
     pub scale_sigma: f64,
@@ -75,6 +78,7 @@ impl Default for OdometryConfig {
         Self {
             speed_sigma_m_s: 0.1,
             standing_sigma_m_s: 0.05,
+            speed_sigma_of_turn_m: 0.0,
             scale_sigma: 0.02,
             seen_from_m: 0.0,
             yaw_rate_sigma_rad_s: 0.01,
@@ -96,10 +100,11 @@ impl Default for OdometryConfig {
 
 impl OdometryConfig {
     /// Standard deviation of a speed over one frame, m/s: from that of who stands to
-    /// that of who drives.
-    pub fn sigma_of(&self, speed_m_s: f64) -> f64 {
+    /// that of who drives, and more for who turns, rad/s.
+    pub fn sigma_of(&self, speed_m_s: f64, yaw_rate_rad_s: f64) -> f64 {
         let share = (speed_m_s.abs() / SWAYING_M_S).min(1.0);
-        self.standing_sigma_m_s + share * (self.speed_sigma_m_s - self.standing_sigma_m_s)
+        let straight_m_s = self.standing_sigma_m_s + share * (self.speed_sigma_m_s - self.standing_sigma_m_s);
+        straight_m_s.hypot(self.speed_sigma_of_turn_m * yaw_rate_rad_s)
     }
 }
 
@@ -299,12 +304,15 @@ mod tests {
     }
 
     #[test]
-    fn the_slower_the_better_a_speed_is_known() {
-        let config = OdometryConfig::default();
-        let sigmas = [0.0, -0.2, 0.6, -1.0, 30.0].map(|speed_m_s| config.sigma_of(speed_m_s));
+    fn the_slower_and_the_straighter_the_better_a_speed_is_known() {
+        let config = OdometryConfig { speed_sigma_of_turn_m: 1.2, ..OdometryConfig::default() };
+        let sigmas = [0.0, -0.2, 0.6, -1.0, 30.0].map(|speed_m_s| config.sigma_of(speed_m_s, 0.0));
         assert!(sigmas.is_sorted() && sigmas[1] > sigmas[0] && sigmas[2] > sigmas[1], "{sigmas:?}");
         assert!((sigmas[0] - config.standing_sigma_m_s).abs() < 1e-12, "{sigmas:?}");
         assert!((sigmas[4] - config.speed_sigma_m_s).abs() < 1e-12, "{sigmas:?}");
+        for yaw_rate_rad_s in [-0.5, 0.5] {
+            assert!((config.sigma_of(10.0, yaw_rate_rad_s) - config.speed_sigma_m_s.hypot(0.6)).abs() < 1e-12);
+        }
     }
 
     #[test]

@@ -47,7 +47,8 @@ impl State {
             if config.seen_from_m > 0.0 {
                 row[HEIGHT] = -expected_m_s * per_height / config.seen_from_m;
             }
-            surprise += state.absorb(&row, shown_m_s - expected_m_s, config.sigma_of(shown_m_s));
+            let sigma_m_s = config.sigma_of(shown_m_s, shown.yaw_rate_rad_s);
+            surprise += state.absorb(&row, shown_m_s - expected_m_s, sigma_m_s);
         }
         let mut row = VectorN::zeros();
         row[YAW_RATE] = -1.0;

@@ -73,14 +73,15 @@ impl Tracker<'_> {
         let (config, bank) = (&self.config.odometry, &self.config.bank);
         let is_driven = |shown: &Odometry| shown.yaw_rate_rad_s.abs() <= config.most_yaw_rate_rad_s;
         let Some(shown) = shown.filter(is_driven) else { return Believed::default() };
+        let yaw_rate_rad_s = shown.yaw_rate_rad_s;
         let tracked = self.bank.first().filter(|best| best.knows_its_speed()).map(|best| &best.state);
-        let turn = tracked.map(|state| state.shown_turn(shown.yaw_rate_rad_s, config));
+        let turn = tracked.map(|state| state.shown_turn(yaw_rate_rad_s, config));
         let may_turn = turn.as_ref().is_none_or(|turn| turn.is_believed(&mut self.doubts.turn, dt_s, config));
-        let speed = shown.speed_m_s.and_then(|m_s| tracked.map(|state| state.shown_speed(m_s, config)));
+        let speed = shown.speed_m_s.and_then(|m_s| Some(tracked?.shown_speed(m_s, yaw_rate_rad_s, config)));
         let may_go = speed.as_ref().is_none_or(|speed| speed.is_believed(&mut self.doubts.speed, dt_s, config));
         let is_reached = |m_s: &f64| (-bank.max_speed_m_s..=bank.max_speed_m_s).contains(m_s);
         // Nothing corners harder than it brakes.
-        let aside_m_s2 = tracked.map_or(0.0, |state| state.velocity[2] * shown.yaw_rate_rad_s);
+        let aside_m_s2 = tracked.map_or(0.0, |state| state.velocity[2] * yaw_rate_rad_s);
         if !may_turn || aside_m_s2.abs() > config.hardest_m_s2 {
             return Believed::default();
         }
@@ -93,11 +94,11 @@ impl Tracker<'_> {
 }
 
 impl State {
-    fn shown_speed(&self, shown_m_s: f64, config: &OdometryConfig) -> Shown {
+    fn shown_speed(&self, shown_m_s: f64, yaw_rate_rad_s: f64, config: &OdometryConfig) -> Shown {
         Shown {
             off: shown_m_s - self.velocity[2] * (1.0 + self.wheel_scale) * self.shown_share(config),
             sigma: self.covariance[(8, 8)].max(0.0).sqrt(),
-            sensor_sigma: config.sigma_of(shown_m_s),
+            sensor_sigma: config.sigma_of(shown_m_s, yaw_rate_rad_s),
             hardest: config.hardest_m_s2,
         }
     }

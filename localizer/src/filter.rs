@@ -292,6 +292,10 @@ impl State {
     fn absorb(&mut self, row: &VectorN, offset: f64, sigma: f64) -> f64 {
         let spread = self.covariance * row;
         let variance = row.dot(&spread) + sigma * sigma;
+        if variance <= f64::MIN_POSITIVE {
+            // Both are certain: settings say that nothing moves.
+            return 0.0;
+        }
         let delta = spread * (offset / variance);
         self.map_from_camera = retract(&self.map_from_camera, &delta.fixed_rows::<6>(0).into_owned());
         self.shift_rest(&delta.fixed_rows::<REST>(6).into_owned());

@@ -6,7 +6,7 @@
 
 use clap::ValueEnum;
 use localizer::features::{Features, LineFeature};
-use localizer::odometry::OdometryLog;
+use localizer::odometry::{Odometry, OdometryLog};
 use localizer::run::Method;
 use localizer::solver::Loss;
 use serde::Serialize;
@@ -49,6 +49,8 @@ pub enum Step {
     Road,
     /// Images, label images, or a log of wheels tell how fast it drove and turned.
     Odometry,
+    /// Images, or label images, tell how the camera pitched and rolled.
+    Pitch,
     /// What is odd of the motion is followed by one pose and not by another.
     Disbelief,
     /// A vehicle goes where its axle points.
@@ -139,6 +141,10 @@ impl Step {
             Self::Height => config.start.height_frames = NEVER,
             Self::Road => (config.bank.road_m, config.start.road_heading_sigma_rad) = (NEVER, NEVER),
             Self::Odometry => trial.odometry = OdometryLog::default(),
+            Self::Pitch => {
+                let still = |_, shown| Odometry { sway_rad_s: None, ..shown };
+                trial.odometry = trial.odometry.changed(still);
+            }
             Self::Disbelief => (config.odometry.usual_m_s2, config.odometry.usual_rad_s2) = (NEVER, NEVER),
             Self::Wheels => (config.motion.slip_sigma_rad, config.motion.slip_sigma_m_s) = (NEVER, NEVER),
             Self::Acceleration => {

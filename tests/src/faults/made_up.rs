@@ -68,7 +68,7 @@ pub fn clean() -> Trial {
     let mut odometry = OdometryLog::default();
     for i in 0..300 {
         let [began_s, ended_s] = [i, i + 1].map(|i| f64::from(i) * 0.1);
-        odometry.push(began_s, ended_s, Odometry::of_wheels(10.0, 0.0));
+        odometry.push(began_s, ended_s, Odometry { sway_rad_s: Some([0.01, 0.0]), ..Odometry::of_wheels(10.0, 0.0) });
     }
     let foot_map = Point3::new(5.0, 1.6, 250.0);
     let pole =

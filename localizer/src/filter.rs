@@ -9,6 +9,7 @@
 
 mod mix;
 mod motion;
+mod springs;
 mod vehicle;
 
 use common::geometry::{Pose, Tangent, local, retract};

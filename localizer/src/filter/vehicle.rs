@@ -1,14 +1,9 @@
 //! What is known of the motion besides the images: wheels and gyroscope, the
-//! axle that does not steer, how well times are kept, the height over the road,
-//! the springs.
+//! axle that does not steer, how well times are kept, the height over the road.
 
-use common::geometry::{Tangent, retract};
 use nalgebra::Matrix6;
 
-use super::{
-    BIAS, FORWARD, HEIGHT, LEVER, MOUNTING, MotionConfig, PITCH_RATE, REST_PITCH, REST_ROLL, RIGHT, ROLL_RATE, SCALE,
-    State, VectorN, YAW_RATE, kept_after,
-};
+use super::{BIAS, FORWARD, HEIGHT, LEVER, MOUNTING, MotionConfig, RIGHT, SCALE, State, VectorN, YAW_RATE};
 use crate::odometry::{Odometry, OdometryConfig};
 
 /// Least height of a camera as a share of the one that it was taken to have: lower it
@@ -55,27 +50,12 @@ impl State {
         row[BIAS] = 1.0;
         let expected_rad_s = state.yaw_bias_rad_s - state.velocity[4];
         surprise += state.absorb(&row, shown.yaw_rate_rad_s - expected_rad_s, config.yaw_rate_sigma_rad_s);
-        if let Some(shown_rad_s) = shown.sway_rad_s {
-            state.sway(dt_s, shown_rad_s, motion, config);
-        }
-        state.move_on(dt_s, &motion.driven(shown));
-        state.swayed_rad = shown.sway_rad_s.map(|rad_s| rad_s.map(|rad_s| rad_s * dt_s));
+        let sway_rad_s = shown.sway_rad_s.filter(|shown_rad_s| state.sway(dt_s, *shown_rad_s, motion, config));
+        state.move_on(dt_s, &motion.driven(&Odometry { sway_rad_s, ..*shown }));
+        state.swayed_rad = sway_rad_s.map(|rad_s| rad_s.map(|rad_s| rad_s * dt_s));
         state.roll_on_wheels(dt_s, motion);
         state.surprise += surprise;
         state
-    }
-
-    /// Takes in how the camera pitched and rolled on the average over `dt_s`. Vehicles
-    /// sway alike wherever they are: that it was not expected speaks against nothing.
-    fn sway(&mut self, dt_s: f64, shown_rad_s: [f64; 2], motion: &MotionConfig, config: &OdometryConfig) {
-        for (rate, axis, rad_s) in
-            [(PITCH_RATE, motion.pitch, shown_rad_s[0]), (ROLL_RATE, motion.roll, shown_rad_s[1])]
-        {
-            self.covariance[(rate, rate)] += axis.walk * axis.walk * dt_s;
-            let mut row = VectorN::zeros();
-            row[rate] = 1.0;
-            self.absorb(&row, rad_s - self.velocity[rate - 6], config.sway_sigma_rad_s);
-        }
     }
 
     /// The share of its way that is shown: all of it by wheels, by images what a camera
@@ -135,34 +115,6 @@ impl State {
         row[1] = 1.0;
         row[HEIGHT] = 1.0;
         self.surprise += self.absorb(&row, below_m - self.higher_m, sigma_m);
-    }
-
-    /// What springs took back in the last `dt_s`. `level_rad` is by how much
-    /// pitch and roll of a level camera on the survey's path are more than
-    /// this one's: `p' = p + (1 - k) (level + rest)`, `k` what is kept. Where it was
-    /// shown how the camera swayed, that is in it, and says where the springs rest.
-    pub fn spring_back(&mut self, dt_s: f64, level_rad: [f64; 2], motion: &MotionConfig) {
-        let kept = kept_after(dt_s, motion.spring_s);
-        let axes = [(3, REST_PITCH, motion.pitch), (5, REST_ROLL, motion.roll)];
-        if let Some(swayed_rad) = self.swayed_rad {
-            for (i, (swaying, resting, axis)) in axes.into_iter().enumerate() {
-                // Before it swayed, a level camera's were more by that.
-                let off_rad = level_rad[i] + self.rest_rad[i] + swayed_rad[i];
-                let mut row = VectorN::zeros();
-                row[swaying] = kept - 1.0;
-                row[resting] = 1.0 - kept;
-                let sigma_rad = axis.walk * axis.memory_s * dt_s.max(1e-3).sqrt();
-                self.absorb(&row, swayed_rad[i] - (1.0 - kept) * off_rad, sigma_rad);
-            }
-            return;
-        }
-        let mut back = Tangent::zeros();
-        for (i, (swaying, resting, _)) in axes.into_iter().enumerate() {
-            back[swaying] = (1.0 - kept) * (level_rad[i] + self.rest_rad[i]);
-            self.sharpen(swaying, kept);
-            self.take_along(swaying, resting, 1.0 - kept);
-        }
-        self.map_from_camera = retract(&self.map_from_camera, &back);
     }
 }
 
@@ -311,75 +263,5 @@ mod tests {
         // 12 m further on; in a second the rest is forgotten by a tenth.
         let off = local(&truth, &filter.map_from_camera);
         assert!(off[1].abs() < 0.15, "{off}");
-    }
-
-    /// One frame of a camera that lies turned by `off` against a level one.
-    fn sway(filter: &State, off: &Tangent, motion: &MotionConfig) -> State {
-        let mut next = filter.predicted(0.1, motion);
-        next.spring_back(0.1, [-off[3], -off[5]], motion);
-        next
-    }
-
-    #[test]
-    fn a_sway_dies_out_and_its_uncertainty_stays_bounded() {
-        let motion = MotionConfig::default();
-        let level = state();
-        let mut filter = level.clone();
-        filter.velocity = Tangent::zeros();
-        filter.map_from_camera = retract(&level.map_from_camera, &(Tangent::ith(3, 0.03) + Tangent::ith(5, -0.02)));
-        for _ in 0..30 {
-            let off = local(&level.map_from_camera, &filter.map_from_camera);
-            filter = sway(&filter, &off, &motion);
-        }
-        let off = local(&level.map_from_camera, &filter.map_from_camera);
-        assert!(off[3].abs() < 0.002 && off[5].abs() < 0.002, "{off}");
-        let sigma_rad = filter.covariance[(3, 3)].sqrt();
-        // A sway of 0.6 degrees about a rest that may be off by 1.5.
-        assert!(sigma_rad > 0.01 && sigma_rad < 0.035, "{sigma_rad}");
-        assert!(nalgebra::Cholesky::new(filter.covariance).is_some());
-    }
-
-    #[test]
-    fn a_sway_that_is_shown_is_followed_and_tells_where_the_springs_rest() {
-        let (motion, config) = (MotionConfig::default(), OdometryConfig::default());
-        let level = state();
-        let run = |is_shown: bool| {
-            let mut filter = level.clone();
-            filter.velocity = Tangent::zeros();
-            filter.measure(3, 0.0, 1e-3);
-            let mut truth_rad = 0.0;
-            // Nods once a second about a rest 0.02 up.
-            for i in 1..=20 {
-                let next_rad = 0.02 * (1.0 - (-f64::from(i) * 0.2).exp()) + 0.01 * (f64::from(i) * 0.628).sin();
-                let sway_rad_s = is_shown.then_some([(next_rad - truth_rad) / 0.1, 0.0]);
-                truth_rad = next_rad;
-                let shown = Odometry { sway_rad_s, ..Odometry::of_wheels(0.0, 0.0) };
-                filter = filter.driven(0.1, Some(&shown), &motion, &config);
-                let off = local(&level.map_from_camera, &filter.map_from_camera);
-                filter.spring_back(0.1, [-off[3], -off[5]], &motion);
-            }
-            let off_rad = local(&level.map_from_camera, &filter.map_from_camera)[3] - truth_rad;
-            (off_rad.abs(), filter.covariance[(3, 3)].sqrt(), filter.rest_rad[0])
-        };
-        let ((off_rad, sigma_rad, rest_rad), (unseen_rad, unseen_sigma_rad, _)) = (run(true), run(false));
-        assert!(off_rad < 0.002 && off_rad < 0.2 * unseen_rad, "{off_rad} {unseen_rad}");
-        assert!(sigma_rad < 0.4 * unseen_sigma_rad && sigma_rad > off_rad, "{sigma_rad} {unseen_sigma_rad}");
-        assert!((0.005..0.03).contains(&rest_rad), "{rest_rad}");
-    }
-
-    #[test]
-    fn a_camera_that_looks_down_all_along_teaches_the_rest() {
-        let motion = MotionConfig::default();
-        let level = state();
-        let seen = retract(&level.map_from_camera, &Tangent::ith(3, -0.02));
-        let mut filter = level.clone();
-        filter.velocity = Tangent::zeros();
-        for _ in 0..50 {
-            let off = local(&level.map_from_camera, &filter.map_from_camera);
-            filter = sway(&filter, &off, &motion);
-            filter.update(&seen, &(Matrix6::identity() * 1e-6));
-        }
-        assert!((filter.rest_rad[0] + 0.02).abs() < 0.006, "{}", filter.rest_rad[0]);
-        assert!(filter.rest_rad[1].abs() < 0.002, "{}", filter.rest_rad[1]);
     }
 }

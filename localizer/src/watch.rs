@@ -32,7 +32,7 @@ pub struct MotionOfImages {
 }
 
 /// What is known of the motion: what a log of wheels says, and of pitch and roll the
-/// images; all of it the images where there is none. Sets how well in the settings.
+/// images; all of it the images where there is none, who set how well in the settings.
 pub fn odometry(wheels: Option<OdometryLog>, images: &MotionOfImages, config: &mut Config) -> OdometryLog {
     if images.log.is_empty() {
         return wheels.unwrap_or_default();
@@ -41,13 +41,12 @@ pub fn odometry(wheels: Option<OdometryLog>, images: &MotionOfImages, config: &m
         config.odometry = images.accuracy;
         return images.log.clone();
     };
-    config.odometry.sway_sigma_rad_s = images.accuracy.sway_sigma_rad_s;
     wheels.swaying_as(&images.log)
 }
 
 /// Looks at frames of a drive, in their order; `seen` is called for each. Where wheels
-/// tell the motion, label images are not asked for it: they tell pitch and roll no better
-/// than springs do.
+/// tell the motion, label images are not asked for it: beside those, what they say of
+/// pitch and roll made poses no better.
 ///
 /// # Errors
 /// As [`Drive::see`], and what `seen` says.

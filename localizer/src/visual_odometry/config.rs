@@ -104,7 +104,8 @@ pub struct LabelConfig {
     /// up to 0.006 in the mean of a drive.
     pub yaw_bias_sigma_rad_s: f64,
     /// Standard deviation of the rates of pitch and roll over one frame, rad/s: held
-    /// against the same 0.004 to 0.012 and 0.009 to 0.035, so taken as that much and more.
+    /// against the same 0.004 to 0.014 and 0.009 to 0.061. What is ten times as far off, as
+    /// a roll is in an empty street, no spring does.
     pub sway_sigma_rad_s: f64,
 }
 

@@ -132,7 +132,8 @@ fn parse<T: DeserializeOwned + Serialize + Default>(path: &Path, text: &str) -> 
     let as_it_is = toml::from_str(text);
     // What is wrong is told of the text as it is, but what is missing the defaults have.
     let is_right = as_it_is.as_ref().err().is_none_or(|e| e.message().starts_with("missing field "));
-    completed(text).filter(|_| is_right).map_or(as_it_is, Ok).map_err(|e| {
+    let complete = is_right.then(|| completed(text)).flatten();
+    complete.map_or(as_it_is, Ok).map_err(|e| {
         let line = e.span().map_or(1, |span| line_of(text, span.start));
         match unknown_field(e.message()) {
             Some((key, expected)) => Error::UnknownKey {

@@ -19,13 +19,12 @@ pub struct VisualOdometryConfig {
     /// The turn from label images, where there are no others.
     pub labels: LabelConfig,
     /// How well the motion is known in the end. Its scale is that of the assumed
-    /// height of the camera; its errors last for some frames, as the grades of
-    /// roads and the pitching that cause them do: held against the worlds and
-    /// KITTI 04, 0.15 to 0.3 m/s (0.08 where it stands) and 0.001 to 0.003 rad/s,
-    /// and so taken as twice as much. Speeds are taken so that a second of them has the
-    /// standard deviation of their mean, 0.07 to 0.12 m/s; of who turns by 0.1 to 0.3
-    /// rad/s that is 0.10 to 0.18, by more 0.2: the view lies to one side, where
-    /// the road's fall counts.
+    /// height of the camera; its errors last for some frames, as the scale of the points
+    /// does that the road told: held against the worlds and KITTI 04, 0.07 to 0.15 m/s
+    /// (0.08 where it stands) and 0.001 to 0.003 rad/s. Speeds are taken so that a second of
+    /// them has the standard deviation of their mean, 0.06 to 0.12 m/s; of who turns by
+    /// more than 0.3 rad/s that is up to 0.2: the view lies to one side, where the road's
+    /// fall counts.
     pub accuracy: OdometryConfig,
 }
 
@@ -158,6 +157,13 @@ pub struct RoadConfig {
     /// Standard deviation of the shift of a left or right side, metres: on KITTI 04 two
     /// sides differ by 0.009 from image to image, on rough roads by 0.02.
     pub side_sigma_m: f64,
+    /// Standard deviation of how far the road says that the vehicle went, as a share of
+    /// that: what is left of grades, crossfall and pitching.
+    pub share_sigma: f64,
+    /// What is added to that, metres: a quarter of a pixel of the view.
+    pub way_sigma_m: f64,
+    /// Length over which such errors are alike, metres.
+    pub alike_m: f64,
 }
 
 impl VisualOdometryConfig {
@@ -171,9 +177,9 @@ impl VisualOdometryConfig {
 impl Default for VisualOdometryConfig {
     fn default() -> Self {
         let accuracy = OdometryConfig {
-            speed_sigma_m_s: 0.35,
+            speed_sigma_m_s: 0.25,
             standing_sigma_m_s: 0.15,
-            speed_sigma_of_turn_m: 1.2,
+            speed_sigma_of_turn_m: 0.9,
             scale_sigma: 0.05,
             yaw_rate_sigma_rad_s: 0.01,
             yaw_bias_sigma_rad_s: 0.001,
@@ -254,6 +260,9 @@ impl Default for RoadConfig {
             fall_sigma: 0.03,
             fall_length_m: 100.0,
             side_sigma_m: 0.02,
+            share_sigma: 0.02,
+            way_sigma_m: 0.01,
+            alike_m: 2.0,
         }
     }
 }

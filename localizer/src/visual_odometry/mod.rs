@@ -3,16 +3,19 @@
 //!
 //! Points that are followed from one image to the next tell how the camera
 //! turned and in which direction it moved; how far it went, the road does: it
-//! lies as deep below the camera as it always does.
+//! lies as deep below the camera as it always does. From one image to the next the points
+//! know that better than the road, once their depths are known.
 //! The direction of the motion is along the road, and so tells how the camera
 //! is pitched against it.
 
 mod config;
+mod depths;
 mod fading;
 mod fall;
 mod grade;
 mod road;
 mod rotation;
+mod scale;
 mod tracks;
 
 use common::geometry::PinholeCamera;
@@ -20,10 +23,12 @@ use image::GrayImage;
 use nalgebra::Rotation3;
 
 pub use config::{LabelConfig, RoadConfig, RotationConfig, TrackConfig, VisualOdometryConfig};
+use depths::{known_after, way_of};
 use fall::Fall;
 use grade::Grade;
 use road::{Road, Shift, View};
-use rotation::{ASIDE, Belief, DOWN, Motion, Parameters, YAW, fit};
+use rotation::{ASIDE, Belief, DOWN, Fit, Motion, Parameters, Track, YAW, fit};
+use scale::Scale;
 use tracks::Follower;
 
 use crate::odometry::Odometry;
@@ -76,6 +81,7 @@ pub struct VisualOdometer {
     pitch_images: f64,
     grade: Grade,
     fall: Fall,
+    scale: Scale,
 }
 
 impl VisualOdometer {
@@ -101,6 +107,7 @@ impl VisualOdometer {
             pitch_images: 0.0,
             grade: Grade::new(&config.road),
             fall: Fall::new(&config.road),
+            scale: Scale::default(),
         }
     }
 
@@ -144,21 +151,24 @@ impl VisualOdometer {
         let is_too_soon = self.pace.missing_s(dt_s, self.soonest) > 0.0;
         self.pace.tick(dt_s);
         let is_timed = !(std::mem::replace(&mut self.time_is_unknown, is_too_soon) || is_too_soon);
-        let Some(parameters) = self.turn(&before, dt_s) else {
+        let Some((fit, tracks)) = self.turn_afresh_at_worst(&before, dt_s) else {
             (self.turn_rad_s, self.speed_m_s, self.unseen_s, self.was_astray) = ([0.0; 3], None, 0.0, true);
             return None;
         };
+        let parameters = fit.parameters;
         self.turn_rad_s = std::array::from_fn(|i| parameters[i] / dt_s);
         let shift = self.drive(&before, &parameters, dt_s);
         self.unseen_s += dt_s;
         let (way_m, road) = (self.speed_m_s.unwrap_or(0.0) * dt_s, &self.config.road);
         self.grade.advance(way_m, road);
         self.fall.advance(way_m, road);
-        let speed_m_s = shift.filter(|shift| self.is_believed(shift, time_s, dt_s)).map(|shift| {
+        let road_m = shift.filter(|shift| self.is_believed(shift, time_s, dt_s)).map(|shift| {
             let (height_m, road) = (self.camera_height_m, &self.config.road);
             let stretch = self.grade.stretch(&shift, height_m, road) * self.fall.stretch(&shift, height_m, road);
-            shift.forward_m / stretch / dt_s
+            shift.forward_m / stretch
         });
+        let speed_m_s = self.way_m(&fit, &tracks, road_m).map(|way_m| way_m / dt_s);
+        let speed_m_s = speed_m_s.filter(|speed_m_s| self.is_next(*speed_m_s));
         if speed_m_s.is_some() {
             (self.speed_m_s, self.unseen_s) = (speed_m_s, 0.0);
         }
@@ -168,30 +178,41 @@ impl VisualOdometer {
         is_timed.then_some(Odometry { speed_m_s, yaw_rate_rad_s: -yaw_rad_s, sway_rad_s })
     }
 
+    /// [`Self::turn`], without the points that were followed on if it has to be.
+    fn turn_afresh_at_worst(&mut self, before: &GrayImage, dt_s: f64) -> Option<(Fit, Vec<Track>)> {
+        if let Some(found) = self.turn(before, dt_s) {
+            return Some(found);
+        }
+        let had_points = self.follower.keep(std::iter::empty());
+        self.scale = Scale::default();
+        had_points.then(|| self.turn(before, dt_s)).flatten()
+    }
+
     /// The rotation and the direction of the motion since `before`: as at the
     /// last speed, or at that of some on which most points agree.
-    fn turn(&mut self, before: &GrayImage, dt_s: f64) -> Option<Parameters> {
+    fn turn(&mut self, before: &GrayImage, dt_s: f64) -> Option<(Fit, Vec<Track>)> {
         if dt_s <= 0.0 {
             return None;
         }
         self.follower.find(before);
         if let Some(speed_m_s) = self.speed_m_s {
-            return self.turn_at(speed_m_s, dt_s).map(|(parameters, _)| parameters);
+            return self.turn_at(speed_m_s, dt_s);
         }
         let tried = (self.config.road.fastest_m_s / TRIED_M_S) as u32;
         let found = (0..=tried).filter_map(|i| self.turn_at(f64::from(i) * TRIED_M_S, dt_s));
-        found.max_by_key(|(_, agree)| *agree).map(|(parameters, _)| parameters)
+        found.max_by_key(|(fit, _)| fit.agree)
     }
 
-    /// The same at about this speed, and how many points agree.
-    fn turn_at(&mut self, speed_m_s: f64, dt_s: f64) -> Option<(Parameters, usize)> {
+    /// The same at about this speed.
+    fn turn_at(&mut self, speed_m_s: f64, dt_s: f64) -> Option<(Fit, Vec<Track>)> {
         let config = &self.config.rotation;
         let way_m = speed_m_s * dt_s;
         let [pitch, yaw, roll] = self.turn_rad_s.map(|rad_s| rad_s * dt_s);
         let expected = Motion::new(&Parameters::from_column_slice(&[pitch, yaw, roll, 0.0, -self.pitch_rad]));
-        let tracks = self.follower.follow(&self.camera, |point| {
-            let of_road = (point.y + self.pitch_rad) / self.camera_height_m;
-            expected.at(point, (way_m * of_road.max(FAR_M.recip())).clamp(-MOST_SHARE, MOST_SHARE))
+        let tracks = self.follower.follow(&self.camera, |point, depth| {
+            let of_road = || ((point.y + self.pitch_rad) / self.camera_height_m).max(FAR_M.recip());
+            let per_m = depth.map_or_else(of_road, |depth| depth.per_m);
+            expected.at(point, (way_m * per_m).clamp(-MOST_SHARE, MOST_SHARE))
         });
         // A camera ahead of the axle moves to the side that it turns to, and the chord of
         // an arc half of the turn to the side that it begins with.
@@ -215,9 +236,9 @@ impl VisualOdometer {
         let ways = if back > 0.0 { &[0.0, back][..] } else { &[0.0] };
         let sigma = config.sigma_px / self.camera.fx_px;
         for &farthest in ways {
-            let (parameters, agree) = fit(&tracks, &Belief { farthest, ..belief }, sigma)?;
-            if agree >= config.fewest && 2 * agree >= tracks.len() {
-                return Some((parameters, agree));
+            let fit = fit(&tracks, &Belief { farthest, ..belief }, sigma)?;
+            if fit.agree >= config.fewest && 2 * fit.agree >= tracks.len() {
+                return Some((fit, tracks));
             }
         }
         None
@@ -264,21 +285,45 @@ impl VisualOdometer {
         }
     }
 
+    /// How far it went, as points of known depth and the road say, metres; those that agree
+    /// are followed on, with what is known of their depths then.
+    fn way_m(&mut self, fit: &Fit, tracks: &[Track], road_m: Option<f64>) -> Option<f64> {
+        if !self.sees_road {
+            return None;
+        }
+        let sigma = self.config.rotation.sigma_px / self.camera.fx_px;
+        let told = self.scale.way(way_of(tracks, fit, sigma), road_m, &self.config.road);
+        let motion = Motion::new(&fit.parameters);
+        self.follower.keep(told.into_iter().flat_map(|(way_m, factor)| {
+            let agree = tracks.iter().filter(|track| motion.agrees(track, sigma));
+            agree.map(move |track| (track.after_px, known_after(track, &motion, way_m, factor, sigma)))
+        }));
+        told.map(|(way_m, _)| way_m)
+    }
+
     /// Whether the road tells a speed at all, and one that can have followed the
     /// last, and the last that it showed: what is seen twice is no chance, and the
     /// times of both are good.
     fn is_believed(&mut self, shift: &Shift, time_s: f64, dt_s: f64) -> bool {
-        let config = self.config.road;
+        let config = &self.config.road;
         let least_lead = config.least_lead * (1.0 - shift.correlation);
         if shift.correlation < config.least_correlation || shift.lead < least_lead {
             return false;
         }
         let speed_m_s = shift.forward_m / dt_s;
-        let follows = |last_m_s: f64, after_s: f64| (speed_m_s - last_m_s).abs() <= config.hardest_m_s2 * after_s;
-        let is_next = self.speed_m_s.is_none_or(|last_m_s| follows(last_m_s, self.unseen_s));
         let was_astray = std::mem::take(&mut self.was_astray);
         let shown = self.shown.replace((speed_m_s, time_s));
-        is_next && !was_astray && shown.is_some_and(|(last_m_s, last_s)| follows(last_m_s, time_s - last_s))
+        let follows = |(last_m_s, last_s): (f64, f64)| self.follows(speed_m_s, last_m_s, time_s - last_s);
+        self.is_next(speed_m_s) && !was_astray && shown.is_some_and(follows)
+    }
+
+    /// Whether a speed can have followed the last one.
+    fn is_next(&self, speed_m_s: f64) -> bool {
+        self.speed_m_s.is_none_or(|last_m_s| self.follows(speed_m_s, last_m_s, self.unseen_s))
+    }
+
+    fn follows(&self, speed_m_s: f64, last_m_s: f64, after_s: f64) -> bool {
+        (speed_m_s - last_m_s).abs() <= self.config.road.hardest_m_s2 * after_s
     }
 
     /// The camera's pitch against the road: the slower, the less the direction

@@ -10,6 +10,8 @@
 
 use nalgebra::{Point2, Rotation3, SMatrix, SVector, Vector2, Vector3};
 
+use super::depths::InverseDepth;
+
 /// Rotation vector (0 to 2), and displacement to the right and down per metre
 /// forward (3, 4).
 pub(super) const PARAMETERS: usize = 5;
@@ -32,6 +34,10 @@ const KERNELS: [f64; 4] = [16.0, 8.0, 4.0, 2.0];
 const ROUNDS: usize = 4;
 /// Points off by no more than so many standard deviations agree.
 const AGREES: f64 = 3.0;
+/// Step of the numerical derivatives.
+pub(super) const STEP: f64 = 1e-6;
+/// A point that is nearer than this share of its depth before is lost.
+const NEAREST_LEFT: f64 = 1.0 - NEAREST;
 
 /// A point in two images, pixels over the focal length from the optical axis.
 #[derive(Debug, Clone, Copy)]
@@ -40,6 +46,10 @@ pub(super) struct Track {
     pub before: Point2<f64>,
     /// In this one.
     pub after: Point2<f64>,
+    /// Its depth in the image before, where it is known.
+    pub depth: Option<InverseDepth>,
+    /// Where it is in this image, pixels.
+    pub after_px: (f32, f32),
 }
 
 /// What is believed before points are looked at.
@@ -69,10 +79,44 @@ impl Motion {
         }
     }
 
+    /// The same with each parameter larger by [`STEP`].
+    pub fn around(parameters: &Parameters) -> [Self; PARAMETERS] {
+        std::array::from_fn(|i| {
+            let mut stepped = *parameters;
+            stepped[i] += STEP;
+            Self::new(&stepped)
+        })
+    }
+
     /// Where a point is seen again that comes nearer by this share of its depth.
     pub fn at(&self, before: &Point2<f64>, share: f64) -> Option<Point2<f64>> {
         let seen = self.after_from_before * (Vector3::new(before.x, before.y, 1.0) - self.moved * share);
         (seen.z > 1e-3).then(|| Point2::new(seen.x / seen.z, seen.y / seen.z))
+    }
+
+    /// By which share of its depth the point came nearer, and the standard deviation of
+    /// that where a point is seen to `sigma`; none at the point that the camera moves to.
+    pub fn share(&self, track: &Track, sigma: f64) -> Option<(f64, f64)> {
+        let seen = self.after_from_before.inverse_transform_vector(&track.after.coords.push(1.0));
+        let to = self.moved.xy() - seen.xy() / seen.z;
+        let length = to.norm();
+        if seen.z < 1e-3 || length < sigma {
+            return None;
+        }
+        let share = (track.before.coords - seen.xy() / seen.z).dot(&to) / (length * length);
+        Some((share, sigma * (1.0 - share).abs() / length))
+    }
+
+    /// The depth of a point after as a share of that before, which came nearer by `share` of
+    /// that; none where it is no longer before the camera.
+    pub fn depth_after(&self, before: &Point2<f64>, share: f64) -> Option<f64> {
+        let depth = (self.after_from_before * (before.coords.push(1.0) - self.moved * share)).z;
+        (depth > NEAREST_LEFT).then_some(depth)
+    }
+
+    /// Whether a point goes where the camera goes on.
+    pub fn agrees(&self, track: &Track, sigma: f64) -> bool {
+        self.off(track, 0.0).is_some_and(|off| off.norm() < AGREES * sigma)
     }
 
     fn off(&self, track: &Track, farthest: f64) -> Option<Vector2<f64>> {
@@ -84,9 +128,18 @@ impl Motion {
     }
 }
 
-/// The motion on which most points agree, and how many do. None without a
-/// solution.
-pub(super) fn fit(tracks: &[Track], belief: &Belief, sigma: f64) -> Option<(Parameters, usize)> {
+/// A motion on which points agree.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fit {
+    pub parameters: Parameters,
+    /// How many points agree.
+    pub agree: usize,
+    /// One over the covariance of the parameters.
+    pub normal: Normal,
+}
+
+/// The motion on which most points agree. None without a solution.
+pub(super) fn fit(tracks: &[Track], belief: &Belief, sigma: f64) -> Option<Fit> {
     let mut parameters = belief.mean;
     for kernel in KERNELS {
         for _ in 0..ROUNDS {
@@ -101,7 +154,8 @@ pub(super) fn fit(tracks: &[Track], belief: &Belief, sigma: f64) -> Option<(Para
     let motion = Motion::new(&parameters);
     let agree =
         tracks.iter().filter(|t| motion.off(t, belief.farthest).is_some_and(|off| off.norm() < AGREES * sigma)).count();
-    parameters.iter().all(|p| p.is_finite()).then_some((parameters, agree))
+    let (normal, _) = linearised(tracks, &parameters, belief, sigma, KERNELS[KERNELS.len() - 1] * sigma);
+    parameters.iter().all(|p| p.is_finite()).then_some(Fit { parameters, agree, normal })
 }
 
 fn linearised(
@@ -111,13 +165,8 @@ fn linearised(
     sigma: f64,
     kernel: f64,
 ) -> (Normal, Parameters) {
-    const STEP: f64 = 1e-6;
     let motion = Motion::new(parameters);
-    let moved: [Motion; PARAMETERS] = std::array::from_fn(|i| {
-        let mut stepped = *parameters;
-        stepped[i] += STEP;
-        Motion::new(&stepped)
-    });
+    let moved = Motion::around(parameters);
     let precision = belief.sigma.map(|sigma| sigma.powi(-2));
     let mut normal = Normal::from_diagonal(&precision);
     let mut gradient = precision.component_mul(&(parameters - belief.mean));
@@ -147,7 +196,7 @@ mod tests {
         let place = |i: i32| {
             let before = Point2::new(f64::from(i % 20) * 0.08 - 0.8, f64::from(i / 20) * 0.04 - 0.2);
             let depth_m = 4.0 + f64::from(i * 37 % 57);
-            Some(Track { before, after: motion.at(&before, step_m / depth_m)? })
+            Some(Track { before, after: motion.at(&before, step_m / depth_m)?, depth: None, after_px: (0.0, 0.0) })
         };
         (0..240).filter_map(place).collect()
     }
@@ -171,7 +220,7 @@ mod tests {
             for (i, track) in tracks.iter_mut().step_by(3).take(others).enumerate() {
                 track.after.x += 0.02 + 0.001 * i as f64;
             }
-            let (found, agree) = fit(&tracks, &belief(), 0.0007).unwrap();
+            let Fit { parameters: found, agree, .. } = fit(&tracks, &belief(), 0.0007).unwrap();
             prop_assert!((found - truth).rows(0, 3).norm() < 5e-4, "{}", found - truth);
             prop_assert!((found - truth).rows(3, 2).norm() < 5e-3, "{}", found - truth);
             prop_assert!(agree >= tracks.len() - others - 5);
@@ -181,12 +230,13 @@ mod tests {
     #[test]
     fn who_stands_and_looks_around_only_turns() {
         let truth = Parameters::from_column_slice(&[0.004, -0.02, 0.003, 0.0, 0.0]);
-        let (found, agree) = fit(&tracks(&truth, 0.0), &belief(), 0.0007).unwrap();
+        let Fit { parameters: found, agree, .. } = fit(&tracks(&truth, 0.0), &belief(), 0.0007).unwrap();
         assert!((found - truth).rows(0, 3).norm() < 2e-4 && agree == 240, "{found}");
     }
 
     #[test]
     fn without_points_the_belief_stays() {
-        assert_eq!(fit(&[], &belief(), 0.0007).unwrap(), (Parameters::zeros(), 0));
+        let Fit { parameters, agree, .. } = fit(&[], &belief(), 0.0007).unwrap();
+        assert_eq!((parameters, agree), (Parameters::zeros(), 0));
     }
 }

@@ -204,3 +204,17 @@ fn what_shows_nothing_tells_nothing() {
     }
     assert_eq!(odometer.step(&image(1.0, 0.0, 0.0), 6.0), None);
 }
+
+#[test]
+fn who_nods_goes_as_fast_as_before() {
+    let mut odometer = odometer(&VisualOdometryConfig::default());
+    let mut step = |i: i32| {
+        let t = 0.1 * f64::from(i);
+        // A sag, and a pitch of half a degree to and fro twice a second.
+        odometer.step(&image_on(0.001, 8.0 * t, 0.0, 0.008 * (12.0 * t).sin()), t)
+    };
+    let steps: Vec<Option<Odometry>> = (0..25).map(&mut step).collect();
+    let speeds = speeds_m_s(&steps[5..]);
+    let changes = speeds.windows(2).map(|two| (two[1] - two[0]).abs());
+    assert!(speeds.len() == 20 && changes.fold(0.0, f64::max) < 0.12, "{speeds:?}");
+}

@@ -179,7 +179,7 @@ impl Default for VisualOdometryConfig {
         let accuracy = OdometryConfig {
             speed_sigma_m_s: 0.25,
             standing_sigma_m_s: 0.15,
-            speed_sigma_of_turn_m: 0.9,
+            speed_sigma_of_turn_m: 1.2,
             scale_sigma: 0.05,
             yaw_rate_sigma_rad_s: 0.01,
             yaw_bias_sigma_rad_s: 0.001,

@@ -46,6 +46,10 @@ const FAR_M: f64 = 30.0;
 /// Speeds that are tried while none is known are so far apart, m/s: by how much
 /// the points of the road may be off from where they are looked for.
 const TRIED_M_S: f64 = 8.0;
+/// How much more than in the image before it may have turned, radians, where the points
+/// cannot be followed otherwise: they are found some 50 pixels from where they are looked
+/// for, and who enters a bend, or missed an image there, turns by more.
+const TRIED_TURNS_RAD: [f64; 3] = [0.0, 0.06, -0.06];
 /// Nearest that a way is taken as a direction, metres: who stands has none.
 const LEAST_WAY_M: f64 = 0.1;
 /// Sharpest bend, 1/m: a car's turning circle.
@@ -151,7 +155,7 @@ impl VisualOdometer {
         let is_too_soon = self.pace.missing_s(dt_s, self.soonest) > 0.0;
         self.pace.tick(dt_s);
         let is_timed = !(std::mem::replace(&mut self.time_is_unknown, is_too_soon) || is_too_soon);
-        let Some((fit, tracks)) = self.turn_afresh_at_worst(&before, dt_s) else {
+        let Some((fit, tracks)) = self.turn_from_any(&before, dt_s) else {
             (self.turn_rad_s, self.speed_m_s, self.unseen_s, self.was_astray) = ([0.0; 3], None, 0.0, true);
             return None;
         };
@@ -178,13 +182,20 @@ impl VisualOdometer {
         is_timed.then_some(Odometry { speed_m_s, yaw_rate_rad_s: -yaw_rad_s, sway_rad_s })
     }
 
-    /// [`Self::turn`], without the points that were followed on if it has to be.
-    fn turn_afresh_at_worst(&mut self, before: &GrayImage, dt_s: f64) -> Option<(Fit, Vec<Track>)> {
-        if let Some(found) = self.turn(before, dt_s) {
-            return Some(found);
+    /// [`Self::turn`], from another turn than the last if it has to be, and at worst without
+    /// the points that were followed on.
+    fn turn_from_any(&mut self, before: &GrayImage, dt_s: f64) -> Option<(Fit, Vec<Track>)> {
+        let last_rad_s = self.turn_rad_s[YAW];
+        let tried = if self.speed_m_s.is_some() { &TRIED_TURNS_RAD[..] } else { &TRIED_TURNS_RAD[..1] };
+        for more_rad in tried {
+            self.turn_rad_s[YAW] = last_rad_s + more_rad / dt_s;
+            if let Some(found) = self.turn(before, dt_s) {
+                return Some(found);
+            }
         }
-        let had_points = self.follower.keep(std::iter::empty());
+        self.turn_rad_s[YAW] = last_rad_s;
         self.scale = Scale::default();
+        let had_points = self.follower.keep(std::iter::empty());
         had_points.then(|| self.turn(before, dt_s)).flatten()
     }
 

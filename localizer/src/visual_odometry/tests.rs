@@ -218,3 +218,18 @@ fn who_nods_goes_as_fast_as_before() {
     let changes = speeds.windows(2).map(|two| (two[1] - two[0]).abs());
     assert!(speeds.len() == 20 && changes.fold(0.0, f64::max) < 0.12, "{speeds:?}");
 }
+
+#[test]
+fn who_turns_off_at_once_is_followed() {
+    for yaw_rad in [-0.18, 0.18] {
+        let mut odometer = odometer(&VisualOdometryConfig::default());
+        // Into a bend behind images that are missing.
+        let mut step = |i: i32| {
+            let yaw_rad = if i < 5 { 0.0 } else { yaw_rad };
+            odometer.step(&image(0.8 * f64::from(i), yaw_rad, 0.0), 0.1 * f64::from(i))
+        };
+        let steps: Vec<Option<Odometry>> = (0..6).map(&mut step).collect();
+        let turn_rad_s = steps[5].expect("a turn").yaw_rate_rad_s;
+        assert!((turn_rad_s + 10.0 * yaw_rad).abs() < 0.05, "{steps:?}");
+    }
+}

@@ -8,12 +8,10 @@
 
 use nalgebra::{SMatrix, SVector};
 
+use super::LEAST_WAY_M;
+use super::fading::MOST_DEVIATION;
 use super::rotation::{Fit, Motion, PARAMETERS, Parameters, STEP, Track};
 
-/// Shortest step that tells a depth, metres.
-pub(super) const LEAST_WAY_M: f64 = 0.1;
-/// Standard deviations by which two depths of a point differ at most.
-const MOST_DEVIATION: f64 = 3.0;
 /// Share by which a depth may be another one in the next image: a window slides along
 /// what it shows.
 const SLIDES: f64 = 0.005;
@@ -82,8 +80,8 @@ impl Approach {
     }
 }
 
-/// How far the vehicle went, from the points whose depths are known, where they are seen to
-/// `sigma`.
+/// How far the vehicle went, from points that agree with its motion and are seen to `sigma`:
+/// those whose depths are known tell it.
 ///
 /// Shares and depths both have errors, so the sum of `(share - way * inverse depth)^2`, each
 /// over its variance, is made least (weighted orthogonal regression). What the motion is off
@@ -92,8 +90,11 @@ impl Approach {
 /// gave would believe itself.
 pub(super) fn way_of(tracks: &[Track], fit: &Fit, sigma: f64) -> Option<Way> {
     let (motion, around) = (Motion::new(&fit.parameters), Motion::around(&fit.parameters));
-    let agree = tracks.iter().filter(|track| motion.agrees(track, sigma));
-    let seen: Vec<Approach> = agree.filter_map(|track| Approach::new(track, &motion, &around, sigma)).collect();
+    let seen = tracks.iter().filter_map(|track| Approach::new(track, &motion, &around, sigma));
+    let seen: Vec<Approach> = seen.collect();
+    if seen.len() < FEWEST {
+        return None;
+    }
     // One thing that is near may have more weight than all others, and be followed wrongly.
     let middle_m = |known: f64| {
         let mut ways_m: Vec<f64> = seen.iter().filter_map(|approach| approach.way_m(known)).collect();
@@ -101,11 +102,7 @@ pub(super) fn way_of(tracks: &[Track], fit: &Fit, sigma: f64) -> Option<Way> {
         ways_m.get(ways_m.len() / 2).copied().filter(|_| ways_m.len() >= FEWEST)
     };
     let mut unknowns = SVector::<f64, UNKNOWNS>::zeros();
-    unknowns[PARAMETERS] = match CLEAR.into_iter().find_map(middle_m) {
-        Some(way_m) => way_m,
-        None if seen.len() >= FEWEST => 0.0,
-        None => return None,
-    };
+    unknowns[PARAMETERS] = CLEAR.into_iter().find_map(middle_m).unwrap_or(0.0);
     let mut variance = f64::INFINITY;
     for _ in 0..ROUNDS {
         let mut normal = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();

@@ -1,7 +1,7 @@
 //! A number of the road that is learned as it is driven over, and fades.
 
 /// Standard deviations by which something differs at most from what is known.
-const MOST_DEVIATION: f64 = 3.0;
+pub(super) const MOST_DEVIATION: f64 = 3.0;
 
 /// A number around zero, and how well it is known: so much farther along the road it
 /// may be another.

@@ -50,7 +50,8 @@ const TRIED_M_S: f64 = 8.0;
 /// cannot be followed otherwise: they are found some 50 pixels from where they are looked
 /// for, and who enters a bend, or missed an image there, turns by more.
 const TRIED_TURNS_RAD: [f64; 3] = [0.0, 0.06, -0.06];
-/// Nearest that a way is taken as a direction, metres: who stands has none.
+/// Nearest that a way is taken as one, metres: who stands has no direction, and is told no
+/// depths.
 const LEAST_WAY_M: f64 = 0.1;
 /// Sharpest bend, 1/m: a car's turning circle.
 const SHARPEST_PER_M: f64 = 0.2;
@@ -171,7 +172,7 @@ impl VisualOdometer {
             let stretch = self.grade.stretch(&shift, height_m, road) * self.fall.stretch(&shift, height_m, road);
             shift.forward_m / stretch
         });
-        let speed_m_s = self.way_m(&fit, &tracks, road_m).map(|way_m| way_m / dt_s);
+        let speed_m_s = self.way_m(&fit, tracks, road_m).map(|way_m| way_m / dt_s);
         let speed_m_s = speed_m_s.filter(|speed_m_s| self.is_next(*speed_m_s));
         if speed_m_s.is_some() {
             (self.speed_m_s, self.unseen_s) = (speed_m_s, 0.0);
@@ -182,43 +183,42 @@ impl VisualOdometer {
         is_timed.then_some(Odometry { speed_m_s, yaw_rate_rad_s: -yaw_rad_s, sway_rad_s })
     }
 
-    /// [`Self::turn`], from another turn than the last if it has to be, and at worst without
-    /// the points that were followed on.
+    /// The rotation and the direction of the motion since `before`: from another turn than
+    /// the last if it has to be, and at worst without the points that were followed on.
     fn turn_from_any(&mut self, before: &GrayImage, dt_s: f64) -> Option<(Fit, Vec<Track>)> {
-        let last_rad_s = self.turn_rad_s[YAW];
         let tried = if self.speed_m_s.is_some() { &TRIED_TURNS_RAD[..] } else { &TRIED_TURNS_RAD[..1] };
-        for more_rad in tried {
-            self.turn_rad_s[YAW] = last_rad_s + more_rad / dt_s;
-            if let Some(found) = self.turn(before, dt_s) {
+        let is_later = dt_s > 0.0;
+        if is_later {
+            self.follower.find(before);
+            if let Some(found) = tried.iter().find_map(|more_rad| self.turn(*more_rad, dt_s)) {
                 return Some(found);
             }
         }
-        self.turn_rad_s[YAW] = last_rad_s;
         self.scale = Scale::default();
-        let had_points = self.follower.keep(std::iter::empty());
-        had_points.then(|| self.turn(before, dt_s)).flatten()
-    }
-
-    /// The rotation and the direction of the motion since `before`: as at the
-    /// last speed, or at that of some on which most points agree.
-    fn turn(&mut self, before: &GrayImage, dt_s: f64) -> Option<(Fit, Vec<Track>)> {
-        if dt_s <= 0.0 {
+        if !(self.follower.forget() && is_later) {
             return None;
         }
         self.follower.find(before);
+        self.turn(0.0, dt_s)
+    }
+
+    /// The same from a turn that is so much more than the last, as at the last speed, or at
+    /// that of some on which most points agree.
+    fn turn(&mut self, more_rad: f64, dt_s: f64) -> Option<(Fit, Vec<Track>)> {
         if let Some(speed_m_s) = self.speed_m_s {
-            return self.turn_at(speed_m_s, dt_s);
+            return self.turn_at(speed_m_s, more_rad, dt_s);
         }
         let tried = (self.config.road.fastest_m_s / TRIED_M_S) as u32;
-        let found = (0..=tried).filter_map(|i| self.turn_at(f64::from(i) * TRIED_M_S, dt_s));
+        let found = (0..=tried).filter_map(|i| self.turn_at(f64::from(i) * TRIED_M_S, more_rad, dt_s));
         found.max_by_key(|(fit, _)| fit.agree)
     }
 
     /// The same at about this speed.
-    fn turn_at(&mut self, speed_m_s: f64, dt_s: f64) -> Option<(Fit, Vec<Track>)> {
+    fn turn_at(&mut self, speed_m_s: f64, more_rad: f64, dt_s: f64) -> Option<(Fit, Vec<Track>)> {
         let config = &self.config.rotation;
         let way_m = speed_m_s * dt_s;
         let [pitch, yaw, roll] = self.turn_rad_s.map(|rad_s| rad_s * dt_s);
+        let yaw = yaw + more_rad;
         let expected = Motion::new(&Parameters::from_column_slice(&[pitch, yaw, roll, 0.0, -self.pitch_rad]));
         let tracks = self.follower.follow(&self.camera, |point, depth| {
             let of_road = || ((point.y + self.pitch_rad) / self.camera_height_m).max(FAR_M.recip());
@@ -298,18 +298,21 @@ impl VisualOdometer {
 
     /// How far it went, as points of known depth and the road say, metres; those that agree
     /// are followed on, with what is known of their depths then.
-    fn way_m(&mut self, fit: &Fit, tracks: &[Track], road_m: Option<f64>) -> Option<f64> {
+    fn way_m(&mut self, fit: &Fit, mut tracks: Vec<Track>, road_m: Option<f64>) -> Option<f64> {
         if !self.sees_road {
             return None;
         }
         let sigma = self.config.rotation.sigma_px / self.camera.fx_px;
-        let told = self.scale.way(way_of(tracks, fit, sigma), road_m, &self.config.road);
         let motion = Motion::new(&fit.parameters);
-        self.follower.keep(told.into_iter().flat_map(|(way_m, factor)| {
-            let agree = tracks.iter().filter(|track| motion.agrees(track, sigma));
-            agree.map(move |track| (track.after_px, known_after(track, &motion, way_m, factor, sigma)))
-        }));
-        told.map(|(way_m, _)| way_m)
+        tracks.retain(|track| motion.agrees(track, 0.0, sigma));
+        let told = self.scale.way(way_of(&tracks, fit, sigma), road_m, &self.config.road);
+        let Some((way_m, factor)) = told else {
+            self.follower.forget();
+            return None;
+        };
+        let on = |track: &Track| (track.after_px, known_after(track, &motion, way_m, factor, sigma));
+        self.follower.keep(tracks.iter().map(on));
+        Some(way_m)
     }
 
     /// Whether the road tells a speed at all, and one that can have followed the

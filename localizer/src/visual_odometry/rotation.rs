@@ -114,9 +114,9 @@ impl Motion {
         (depth > NEAREST_LEFT).then_some(depth)
     }
 
-    /// Whether a point goes where the camera goes on.
-    pub fn agrees(&self, track: &Track, sigma: f64) -> bool {
-        self.off(track, 0.0).is_some_and(|off| off.norm() < AGREES * sigma)
+    /// Whether a point that is seen to `sigma` is where it may be; `farthest` as in [`Belief`].
+    pub fn agrees(&self, track: &Track, farthest: f64, sigma: f64) -> bool {
+        self.off(track, farthest).is_some_and(|off| off.norm() < AGREES * sigma)
     }
 
     fn off(&self, track: &Track, farthest: f64) -> Option<Vector2<f64>> {
@@ -152,8 +152,7 @@ pub(super) fn fit(tracks: &[Track], belief: &Belief, sigma: f64) -> Option<Fit> 
         }
     }
     let motion = Motion::new(&parameters);
-    let agree =
-        tracks.iter().filter(|t| motion.off(t, belief.farthest).is_some_and(|off| off.norm() < AGREES * sigma)).count();
+    let agree = tracks.iter().filter(|track| motion.agrees(track, belief.farthest, sigma)).count();
     let (normal, _) = linearised(tracks, &parameters, belief, sigma, KERNELS[KERNELS.len() - 1] * sigma);
     parameters.iter().all(|p| p.is_finite()).then_some(Fit { parameters, agree, normal })
 }

@@ -3,10 +3,9 @@
 //! how much of each.
 
 use super::config::RoadConfig;
-use super::depths::{LEAST_WAY_M, Way};
-
-/// Standard deviations by which points and the road differ at most.
-const MOST_DEVIATION: f64 = 3.0;
+use super::depths::Way;
+use super::fading::MOST_DEVIATION;
+use super::{LEAST_WAY_M, least_way_m};
 
 /// The scale of all depths.
 #[derive(Default)]
@@ -48,13 +47,13 @@ impl Scale {
 
 /// Variance of the logarithm of one way that the road tells.
 fn single(road_m: f64, config: &RoadConfig) -> f64 {
-    config.share_sigma.powi(2) + (config.way_sigma_m / road_m.abs().max(LEAST_WAY_M)).powi(2)
+    config.share_sigma.powi(2) + (config.way_sigma_m / least_way_m(road_m)).powi(2)
 }
 
 /// The same as one of many that are off alike for a while: the mean of as many is not known
 /// as well as if each were off by chance.
 fn lasting(road_m: f64, config: &RoadConfig) -> f64 {
-    single(road_m, config) * (2.0 * config.alike_m / road_m.abs().max(LEAST_WAY_M)).max(1.0)
+    single(road_m, config) * (2.0 * config.alike_m / least_way_m(road_m).abs()).max(1.0)
 }
 
 #[cfg(test)]

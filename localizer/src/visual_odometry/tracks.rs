@@ -43,11 +43,15 @@ impl Follower {
         self.tracker.advance(image, self.config.levels.max(1));
     }
 
-    /// The points that are followed on from the last image, pixels, with their depths in it;
-    /// whether there were such before.
-    pub fn keep(&mut self, points: impl Iterator<Item = ((f32, f32), Option<InverseDepth>)>) -> bool {
-        let had_points = !self.depths.is_empty();
+    /// The points that are followed on from the last image, pixels, with their depths in it.
+    pub fn keep(&mut self, points: impl Iterator<Item = ((f32, f32), Option<InverseDepth>)>) {
         (self.points_px, self.depths) = points.unzip();
+    }
+
+    /// Follows none of them on; whether there were any.
+    pub fn forget(&mut self) -> bool {
+        let had_points = !self.depths.is_empty();
+        self.depths.clear();
         had_points
     }
 

@@ -76,6 +76,14 @@ pub fn load_within<T: DeserializeOwned + Serialize + Default>(path: impl AsRef<P
     Ok(settings)
 }
 
+/// The same, or the defaults where there is no file.
+///
+/// # Errors
+/// As [`load_within`].
+pub fn load_or_default<T: DeserializeOwned + Serialize + Default>(path: Option<&Path>, limits: &[Limits]) -> Result<T> {
+    path.map_or_else(|| Ok(T::default()), |path| load_within(path, limits))
+}
+
 /// Whether all numbers of a table are finite and within their limits; else what
 /// is wrong, and at which byte.
 fn check_numbers(table: &DeTable<'_>, prefix: &str, limits: &[Limits]) -> std::result::Result<(), (usize, String)> {

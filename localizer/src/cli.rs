@@ -54,10 +54,7 @@ impl ConfigArgs {
     /// # Errors
     /// As [`common::config::load_within`].
     pub fn load(&self) -> Result<Option<Config>> {
-        let config = match &self.config {
-            Some(path) => common::config::load_within(path, LIMITS)?,
-            None => Config::default(),
-        };
+        let config: Config = common::config::load_or_default(self.config.as_deref(), LIMITS)?;
         if self.print_config {
             common::output::print(&common::config::to_toml(&config)?);
             return Ok(None);

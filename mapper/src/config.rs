@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use common::config::{Limits, limits, load_within, range};
+use common::config::{Limits, limits, load_or_default, range};
 use common::map::EncodeOptions;
 use serde::{Deserialize, Serialize};
 
@@ -220,7 +220,7 @@ impl Config {
     /// # Errors
     /// As [`common::config::load_within`].
     pub fn load(path: Option<&Path>) -> Result<Self> {
-        Ok(path.map_or_else(|| Ok(Self::default()), |path| load_within(path, LIMITS))?)
+        Ok(load_or_default(path, LIMITS)?)
     }
 }
 

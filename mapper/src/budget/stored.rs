@@ -30,12 +30,11 @@ pub struct Stored {
 }
 
 impl Stored {
-    /// Reads a map, the report beside it, and a file of the mapper's settings.
+    /// Reads a map and the report beside it, for what is done by these settings.
     ///
     /// # Errors
     /// A file that cannot be read or is not what it should be.
-    pub fn read(path: &Path, settings: Option<&Path>) -> Result<Self> {
-        let settings = Config::load(settings)?;
+    pub fn read(path: &Path, settings: &Config) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(common::Error::io(path))?;
         let (map, layout) = decode_with_layout(&bytes).map_err(common::Error::in_file(path))?;
         let Beside { own: report, note } = read_beside(path, &bytes)?;
@@ -44,7 +43,7 @@ impl Stored {
             .map(|report| report.evidence.clone())
             .filter(|evidence| evidence.fits(&map))
             .unwrap_or_else(|| MapEvidence::assumed(&map, &settings.evidence));
-        let (quantum_m, bytes, config) = (layout.quantum_m, bytes.len(), settings.budget);
+        let (quantum_m, bytes, config) = (layout.quantum_m, bytes.len(), settings.budget.clone());
         Ok(Self { map, evidence, quantum_m, bytes, report, note, config })
     }
 

@@ -5,7 +5,6 @@ use std::time::Instant;
 
 use clap::Args;
 use common::atomic_file::{Staged, stage};
-use common::config;
 use common::geometry::Pose;
 use common::kitti::poses_text;
 use common::map::{EncodeOptions, SemanticMap};
@@ -15,7 +14,7 @@ use serde::Serialize;
 use super::reduce::kept_text;
 use super::source::SourceArgs;
 use super::usage::Usage;
-use super::{Outcome, print, print_json};
+use super::{ConfigArgs, Outcome, print, print_json};
 use crate::budget::{Counts, Known, reduce};
 use crate::config::Config;
 use crate::drive::Drive;
@@ -47,12 +46,8 @@ pub struct Build {
     /// named .las: x right, y forward, z up).
     #[arg(long, value_name = "CLOUD.laz")]
     cloud: Option<PathBuf>,
-    /// Settings that differ from the defaults, as TOML.
-    #[arg(long, value_name = "FILE.toml")]
-    config: Option<PathBuf>,
-    /// Print all settings as TOML and end.
-    #[arg(long)]
-    print_config: bool,
+    #[command(flatten)]
+    config: ConfigArgs,
     /// Most bytes that the map may have: of landmarks that do not fit, those
     /// that localize best are kept [default: all].
     #[arg(long, value_name = "BYTES")]
@@ -85,17 +80,14 @@ struct Summary<'a> {
 impl Build {
     /// Runs the command.
     pub fn run(&self) -> Result<Outcome> {
-        let config = Config::load(self.config.as_deref())?;
-        // The command line lets it be absent with --print-config only.
-        if let Some(out) = self.out.as_deref().filter(|_| !self.print_config) {
+        // The command line lets `--out` be absent with `--print-config` only.
+        if let Some((config, out)) = self.config.load(Config::load)?.zip(self.out.as_deref()) {
             let threads = self.threads.unwrap_or(0) as usize;
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
                 .build()
                 .map_err(|e| Error::Threads { threads, reason: e.to_string() })?;
             pool.install(|| self.build(out, &config))?;
-        } else {
-            print(&config::to_toml(&config)?);
         }
         Ok(Outcome::Done)
     }
@@ -108,7 +100,7 @@ impl Build {
         let outputs: Vec<Output> =
             [("--out", out), ("the report beside the map", &report)].into_iter().chain(more).collect();
         let files = self.source.files();
-        outputs::check(&outputs, files.iter().map(PathBuf::as_path).chain(self.config.as_deref()))?;
+        outputs::check(&outputs, files.iter().map(PathBuf::as_path).chain(self.config.file()))?;
         let drive = self.source.open(config)?;
         let scans: Vec<PathBuf> = (0..drive.survey.len()).map(|frame| drive.scan_path(frame)).collect();
         outputs::check(&outputs, scans.iter().map(PathBuf::as_path))?;

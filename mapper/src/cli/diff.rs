@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use common::config;
+use common::config::load_or_default;
 
-use super::{Outcome, print, print_json};
+use super::{ConfigArgs, Outcome, print, print_json};
 use crate::diff::{DiffConfig, LIMITS, MapDiff};
 use crate::error::Result;
 
@@ -26,12 +26,8 @@ pub struct Diff {
     /// 0.1, what two builds of one drive differ by].
     #[arg(long, value_name = "M", value_parser = super::distance_m)]
     same: Option<f64>,
-    /// Settings that differ from the defaults, as TOML.
-    #[arg(long, value_name = "FILE.toml")]
-    config: Option<PathBuf>,
-    /// Print all settings as TOML and end.
-    #[arg(long)]
-    print_config: bool,
+    #[command(flatten)]
+    config: ConfigArgs,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -40,12 +36,12 @@ pub struct Diff {
 impl Diff {
     /// Runs the command.
     pub fn run(&self) -> Result<Outcome> {
-        let read = |path| config::load_within(path, LIMITS);
-        let mut config = self.config.as_ref().map_or_else(|| Ok(DiffConfig::default()), read)?;
-        config.same_m = self.same.unwrap_or(config.same_m);
-        // The command line lets them be absent with --print-config only.
-        let Some((old, new)) = self.old.as_ref().zip(self.new.as_ref()).filter(|_| !self.print_config) else {
-            print(&config::to_toml(&config)?);
+        let config = self.config.load(|file| {
+            let config: DiffConfig = load_or_default(file, LIMITS)?;
+            Ok(DiffConfig { same_m: self.same.unwrap_or(config.same_m), ..config })
+        })?;
+        // The command line lets the maps be absent with `--print-config` only.
+        let (Some(config), Some(old), Some(new)) = (config, &self.old, &self.new) else {
             return Ok(Outcome::Done);
         };
         let diff = MapDiff::of(&common::map::read(old)?, &common::map::read(new)?, &config);

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
-use common::config;
+use common::config::load_or_default;
 use common::map::EncodeOptions;
 use serde::Serialize;
 
 use super::usage::peak_bytes;
-use super::{Outcome, print, print_json};
+use super::{ConfigArgs, Outcome, print, print_json};
 use crate::error::Result;
 use crate::inspect::{count_text, road_length_m};
 use crate::merge::{LIMITS, MergeConfig, MergeReport, Sources, merge, path_beside};
@@ -31,12 +31,8 @@ pub struct Merge {
     /// The map to write.
     #[arg(long, value_name = "AREA.csm", required_unless_present = "print_config")]
     out: Option<PathBuf>,
-    /// Settings that differ from the defaults, as TOML.
-    #[arg(long, value_name = "FILE.toml")]
-    config: Option<PathBuf>,
-    /// Print all settings as TOML and end.
-    #[arg(long)]
-    print_config: bool,
+    #[command(flatten)]
+    config: ConfigArgs,
     /// Print the summary as JSON.
     #[arg(long)]
     json: bool,
@@ -61,17 +57,14 @@ struct Summary {
 impl Merge {
     /// Runs the command.
     pub fn run(&self) -> Result<Outcome> {
-        let read = |path| config::load_within(path, LIMITS);
-        let config = self.config.as_ref().map_or_else(|| Ok(MergeConfig::default()), read)?;
-        let Some(out) = self.out.as_ref().filter(|_| !self.print_config) else {
-            print(&config::to_toml(&config)?);
+        // The command line lets `--out` be absent with `--print-config` only.
+        let Some((config, out)) =
+            self.config.load(|file| Ok(load_or_default::<MergeConfig>(file, LIMITS)?))?.zip(self.out.as_ref())
+        else {
             return Ok(Outcome::Done);
         };
         // One of the maps may be the one that grows.
-        outputs::check(
-            &[("--out", &**out), ("the sources beside the map", &*path_beside(out))],
-            self.config.as_deref(),
-        )?;
+        outputs::check(&[("--out", &**out), ("the sources beside the map", &*path_beside(out))], self.config.file())?;
         let started = Instant::now();
         let mut sources = Sources::default();
         let (mut repeated, mut notes) = (0, Vec::new());

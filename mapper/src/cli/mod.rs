@@ -6,6 +6,7 @@ mod diff;
 mod export;
 mod merge;
 mod reduce;
+mod settings;
 mod size;
 mod source;
 pub mod usage;
@@ -20,6 +21,8 @@ use clap::{Args, Parser, Subcommand};
 use common::output::print;
 
 use crate::error::Result;
+
+pub use settings::ConfigArgs;
 
 /// Exit status after a check that says no.
 const FAILED: u8 = 1;

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::{Outcome, print, print_json};
+use super::{ConfigArgs, Outcome, print, print_json};
 use crate::budget::{Accuracy, Counts, Detail, Stored, reduce};
+use crate::config::Config;
 use crate::error::Result;
 use crate::outputs;
 use crate::report::{BuildReport, checksum, path_beside, write_with_map};
@@ -17,17 +18,16 @@ use crate::report::{BuildReport, checksum, path_beside, write_with_map};
 pub struct Reduce {
     /// The map. The report of its build beside it says how well each landmark
     /// is known; without one all count as known alike.
-    #[arg(value_name = "MAP.csm")]
-    map: PathBuf,
+    #[arg(value_name = "MAP.csm", required_unless_present = "print_config")]
+    map: Option<PathBuf>,
     /// Most bytes that the smaller map may have.
-    #[arg(long, value_name = "BYTES")]
-    budget: usize,
+    #[arg(long, value_name = "BYTES", required_unless_present = "print_config")]
+    budget: Option<usize>,
     /// The smaller map to write.
-    #[arg(long, value_name = "SMALL.csm")]
-    out: PathBuf,
-    /// Settings that differ from the defaults, as TOML, in `[budget]`.
-    #[arg(long, value_name = "FILE.toml")]
-    config: Option<PathBuf>,
+    #[arg(long, value_name = "SMALL.csm", required_unless_present = "print_config")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    config: ConfigArgs,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -48,11 +48,16 @@ struct Summary<'a> {
 impl Reduce {
     /// Runs the command.
     pub fn run(&self) -> Result<Outcome> {
-        let [of_map, of_out] = [&self.map, &self.out].map(|map| path_beside(map));
-        let outputs = [("--out", &*self.out), ("the report beside the map", &*of_out)];
-        outputs::check(&outputs, [&*self.map, &*of_map].into_iter().chain(self.config.as_deref()))?;
-        let stored = Stored::read(&self.map, self.config.as_deref())?;
-        let reduced = reduce(stored.known(), self.budget, &stored.config)?;
+        let config = self.config.load(Config::load)?;
+        // The command line lets the others be absent with `--print-config` only.
+        let (Some(config), Some(map), Some(budget), Some(out)) = (config, &self.map, self.budget, &self.out) else {
+            return Ok(Outcome::Done);
+        };
+        let [of_map, of_out] = [map, out].map(|map| path_beside(map));
+        let outputs = [("--out", &**out), ("the report beside the map", &*of_out)];
+        outputs::check(&outputs, [&**map, &*of_map].into_iter().chain(self.config.file()))?;
+        let stored = Stored::read(map, &config)?;
+        let reduced = reduce(stored.known(), budget, &stored.config)?;
         let notes: Vec<String> = stored.note.into_iter().collect();
         let report = stored.report.map(|report| BuildReport {
             map_bytes: reduced.bytes.len(),
@@ -60,14 +65,14 @@ impl Reduce {
             evidence: reduced.evidence,
             ..report
         });
-        write_with_map(&self.out, &reduced.bytes, report.as_ref())?;
+        write_with_map(out, &reduced.bytes, report.as_ref())?;
         let (kept, of) = (Counts::of(&reduced.map), Counts::of(&stored.map));
         let (bytes, detail, predicted) = (reduced.bytes.len(), reduced.detail, reduced.predicted);
         if self.json {
-            print_json(&Summary { map: &self.out, bytes, kept, of, detail, predicted, notes })?;
+            print_json(&Summary { map: out, bytes, kept, of, detail, predicted, notes })?;
             return Ok(Outcome::Done);
         }
-        print(&format!("{}: {bytes} bytes of {}\n{}", self.out.display(), stored.bytes, kept_text(kept, of)));
+        print(&format!("{}: {bytes} bytes of {}\n{}", out.display(), stored.bytes, kept_text(kept, of)));
         for note in &notes {
             print(&format!("{note}\n"));
         }

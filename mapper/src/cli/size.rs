@@ -8,9 +8,10 @@ use common::map::atlas::is_atlas;
 use common::output::print_note;
 use serde::Serialize;
 
-use super::{Outcome, print, print_json};
+use super::{ConfigArgs, Outcome, print, print_json};
 use crate::atlas::AtlasInspection;
 use crate::budget::{Accuracy, Counts, Detail, Figure, Stored, reduce};
+use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::inspect::Inspection;
 
@@ -18,8 +19,8 @@ use crate::inspect::Inspection;
 #[derive(Debug, Args)]
 pub struct Size {
     /// The map.
-    #[arg(value_name = "MAP.csm")]
-    map: PathBuf,
+    #[arg(value_name = "MAP.csm", required_unless_present = "print_config")]
+    map: Option<PathBuf>,
     /// Most bytes that the map may have; exit with 1 if it has more.
     #[arg(long, value_name = "BYTES", conflicts_with = "json")]
     budget: Option<usize>,
@@ -33,6 +34,9 @@ pub struct Size {
     /// With --curve: settings that differ from the defaults, as TOML.
     #[arg(long, value_name = "FILE.toml", requires = "curve")]
     config: Option<PathBuf>,
+    /// With --curve: print all settings as TOML and end.
+    #[arg(long, requires = "curve")]
+    print_config: bool,
     /// With --curve: print JSON.
     #[arg(long, requires = "curve")]
     json: bool,
@@ -66,14 +70,19 @@ pub struct CurveMap {
 impl Size {
     /// Runs the command.
     pub fn run(&self) -> Result<Outcome> {
+        let settings = ConfigArgs { config: self.config.clone(), print_config: self.print_config };
+        // The command line lets the map be absent with `--print-config` only.
+        let Some((config, map)) = settings.load(Config::load)?.zip(self.map.as_ref()) else {
+            return Ok(Outcome::Done);
+        };
         // The whole map is read: a damaged one has no size worth telling.
-        let bytes = if is_atlas(&self.map)? {
-            AtlasInspection::of_file(&self.map)?.bytes as usize
+        let bytes = if is_atlas(map)? {
+            AtlasInspection::of_file(map)?.bytes as usize
         } else {
-            Inspection::of_file(&self.map)?.bytes
+            Inspection::of_file(map)?.bytes
         };
         if self.curve {
-            let stored = Stored::read(&self.map, self.config.as_deref())?;
+            let stored = Stored::read(map, &config)?;
             let rows = self.rows(&stored)?;
             if self.json {
                 // The rows alone are the document.
@@ -81,12 +90,12 @@ impl Size {
                 print_json(&rows)?;
             } else {
                 let note = stored.note.map_or_else(String::new, |note| note + "\n");
-                print(&format!("{}: {bytes} bytes\n{note}{}", self.map.display(), table(&rows)));
+                print(&format!("{}: {bytes} bytes\n{note}{}", map.display(), table(&rows)));
             }
         } else if self.budget.is_none() {
-            print(&format!("{}: {bytes} bytes\n", self.map.display()));
+            print(&format!("{}: {bytes} bytes\n", map.display()));
         }
-        Ok(self.budget.map_or(Outcome::Done, |budget| within(&self.map, bytes, budget)))
+        Ok(self.budget.map_or(Outcome::Done, |budget| within(map, bytes, budget)))
     }
 
     fn rows(&self, stored: &Stored) -> Result<Vec<CurveRow>> {

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use common::config::{self, load_within};
+use common::config::load_or_default;
 
-use super::{Outcome, print, print_json};
+use super::{ConfigArgs, Outcome, print, print_json};
 use crate::error::Result;
 use crate::validate::{LIMITS, ValidateConfig, text, validate};
 
@@ -16,12 +16,8 @@ pub struct Validate {
     /// The map.
     #[arg(value_name = "MAP.csm", required_unless_present = "print_config")]
     map: Option<PathBuf>,
-    /// Settings that differ from the defaults, as TOML.
-    #[arg(long, value_name = "FILE.toml")]
-    config: Option<PathBuf>,
-    /// Print all settings as TOML and end.
-    #[arg(long)]
-    print_config: bool,
+    #[command(flatten)]
+    config: ConfigArgs,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -30,10 +26,10 @@ pub struct Validate {
 impl Validate {
     /// Runs the command.
     pub fn run(&self) -> Result<Outcome> {
-        let load = |file| load_within(file, LIMITS);
-        let config: ValidateConfig = self.config.as_ref().map_or_else(|| Ok(ValidateConfig::default()), load)?;
-        let Some(map) = self.map.as_ref().filter(|_| !self.print_config) else {
-            print(&config::to_toml(&config)?);
+        // The command line lets the map be absent with `--print-config` only.
+        let Some((config, map)) =
+            self.config.load(|file| Ok(load_or_default::<ValidateConfig>(file, LIMITS)?))?.zip(self.map.as_ref())
+        else {
             return Ok(Outcome::Done);
         };
         let findings = validate(&common::map::read(map)?, &config);

@@ -6,7 +6,9 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use common::map::SemanticMap;
+use mapper::Config;
 use mapper::budget::{Accuracy, Stored, reduce};
+use mapper::cli::ConfigArgs;
 use waymark_tests::budget_curve::{Measured, Naive, Seen, naive};
 use waymark_tests::cli::{Outcome, ended};
 
@@ -15,11 +17,11 @@ use waymark_tests::cli::{Outcome, ended};
 #[command(version)]
 struct Arguments {
     /// The map, with the report of its build beside it.
-    #[arg(long, value_name = "MAP.csm")]
-    map: PathBuf,
+    #[arg(long, value_name = "MAP.csm", required_unless_present = "print_config")]
+    map: Option<PathBuf>,
     /// Folder with `sequences/`, as KITTI odometry has it.
-    #[arg(long, value_name = "ROOT")]
-    kitti: PathBuf,
+    #[arg(long, value_name = "ROOT", required_unless_present = "print_config")]
+    kitti: Option<PathBuf>,
     /// Name of the sequence.
     #[arg(long, value_name = "NN", default_value = "00")]
     sequence: String,
@@ -38,9 +40,8 @@ struct Arguments {
     /// Also keep landmarks by size, by count and at random.
     #[arg(long)]
     naive: bool,
-    /// Settings of the mapper that differ from the defaults, as TOML.
-    #[arg(long, value_name = "FILE.toml")]
-    config: Option<PathBuf>,
+    #[command(flatten)]
+    config: ConfigArgs,
 }
 
 fn main() -> ExitCode {
@@ -48,15 +49,20 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Outcome {
-    let stored = Stored::read(&arguments.map, arguments.config.as_deref())?;
+    let config = arguments.config.load(Config::load)?;
+    // The command line lets the others be absent with `--print-config` only.
+    let (Some(config), Some(map), Some(kitti)) = (config, &arguments.map, &arguments.kitti) else {
+        return Ok(());
+    };
+    let stored = Stored::read(map, &config)?;
     let whole = stored.known();
     if let Some(note) = &stored.note {
         common::say!("{note}");
     }
-    let seen = look(arguments)?;
+    let seen = look(kitti, arguments)?;
     common::say!(
         "{}: {} bytes; errors of {} starts, metres and degrees",
-        arguments.map.display(),
+        map.display(),
         stored.bytes,
         arguments.starts
     );
@@ -102,9 +108,8 @@ fn run(arguments: &Arguments) -> Outcome {
     Ok(())
 }
 
-fn look(arguments: &Arguments) -> Result<Seen, String> {
+fn look(root: &Path, arguments: &Arguments) -> Result<Seen, String> {
     let or = |given: &Option<PathBuf>, usual: PathBuf| given.clone().unwrap_or(usual);
-    let root: &Path = &arguments.kitti;
     let labels = or(&arguments.labels, root.join("sequences").join(&arguments.sequence).join("labels_2"));
     let truth = or(&arguments.truth, root.join("truth/poses.txt"));
     Seen::read(root, &arguments.sequence, &labels, &truth)

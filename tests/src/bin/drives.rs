@@ -21,12 +21,15 @@ use waymark_tests::trial::Figures;
 #[command(version)]
 struct Arguments {
     /// Worlds and their seeds, as `street:1-3 city:7,9`; `fixtures worlds` lists them.
-    #[arg(value_name = "WORLD:SEEDS", required = true)]
+    #[arg(value_name = "WORLD:SEEDS", required_unless_present = "print_config")]
     drives: Vec<Seeds>,
     /// Settings of the drives, as of `fixtures generate`: another rig, another lidar, and under
     /// `[world]` what `from-survey` and `aged` need.
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
+    /// Print all settings as TOML and end.
+    #[arg(long)]
+    print_config: bool,
     /// Number of frames of each [default: as many as its world is made for].
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
@@ -38,6 +41,10 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> Outcome {
     let given: Options = arguments.config.as_ref().map_or_else(|| Ok(Options::default()), common::config::load)?;
+    if arguments.print_config {
+        common::output::print(&common::config::to_toml(&given)?);
+        return Ok(());
+    }
     let mut totals = Totals::default();
     for Seeds { world, seeds } in &arguments.drives {
         for &seed in seeds {

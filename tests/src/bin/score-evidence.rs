@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use common::kitti::read_poses;
+use mapper::Config;
 use mapper::budget::Stored;
 use waymark_tests::cli::{MapOfDrive, Outcome, ended};
 use waymark_tests::evidence_score::score;
@@ -26,7 +27,7 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Outcome {
-    let Stored { map, report, note, .. } = Stored::read(&arguments.of.map, None)?;
+    let Stored { map, report, note, .. } = Stored::read(&arguments.of.map, &Config::default())?;
     let evidence = report.map(|report| report.evidence).filter(|evidence| evidence.fits(&map)).ok_or_else(|| {
         let none = || format!("{} has no report of its build beside it; build it again", arguments.of.map.display());
         note.unwrap_or_else(none)

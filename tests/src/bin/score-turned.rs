@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use mapper::Config;
+use mapper::cli::ConfigArgs;
 use mapper::drive::{Drive, MAX_RANGE_M};
 use waymark_tests::cli::{Outcome, ended};
 use waymark_tests::pole_map::Score;
@@ -17,11 +18,11 @@ use waymark_tests::turned::{Turned, turned};
 #[command(version)]
 struct Arguments {
     /// Folder with `sequences/`, as KITTI odometry has it.
-    #[arg(long, value_name = "ROOT")]
-    kitti: PathBuf,
+    #[arg(long, value_name = "ROOT", required_unless_present = "print_config")]
+    kitti: Option<PathBuf>,
     /// The sequence.
-    #[arg(long, value_name = "NN")]
-    sequence: String,
+    #[arg(long, value_name = "NN", required_unless_present = "print_config")]
+    sequence: Option<String>,
     /// Stitch the scans of every frame whose number is a multiple of this.
     #[arg(long, value_name = "N", default_value_t = 5)]
     every: usize,
@@ -31,9 +32,8 @@ struct Arguments {
     /// Frames, the survey's own among them.
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
-    /// Settings of the mapper that differ from the defaults, as TOML.
-    #[arg(long, value_name = "FILE.toml")]
-    config: Option<PathBuf>,
+    #[command(flatten)]
+    config: ConfigArgs,
 }
 
 fn main() -> ExitCode {
@@ -42,7 +42,10 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> Outcome {
     let Arguments { kitti, sequence, every, last, frames, config } = arguments;
-    let config = Config::load(config.as_deref())?;
+    // The command line lets the others be absent with `--print-config` only.
+    let (Some(config), Some(kitti), Some(sequence)) = (config.load(Config::load)?, kitti, sequence) else {
+        return Ok(());
+    };
     let drive = Drive::open(kitti, sequence, *every, (0, *last), None, MAX_RANGE_M)?;
     print(&turned(&drive, *frames, &config, kitti, sequence)?);
     Ok(())

@@ -8,25 +8,36 @@ use common::kitti::{ScanPoint, write_scan};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::support::{build, plain, run, text};
+use crate::support::{build, plain, run, run_path, text};
 
 #[test]
 fn printed_settings_can_be_given_back() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("all.toml");
-    for (program, command) in [
-        ("mapper", "build"),
-        ("mapper", "merge"),
-        ("mapper", "validate"),
-        ("mapper", "diff"),
-        ("localizer", "run"),
-        ("localizer", "trial"),
-        ("fixtures", "generate"),
-    ] {
-        let printed = run(program, &[command, "--print-config"]).ok();
+    let tool = env!("CARGO_BIN_EXE_tool");
+    let programs: [(&str, &[&str]); 16] = [
+        (tool, &["mapper", "build"]),
+        (tool, &["mapper", "merge"]),
+        (tool, &["mapper", "validate"]),
+        (tool, &["mapper", "diff"]),
+        (tool, &["mapper", "reduce"]),
+        (tool, &["mapper", "size", "--curve"]),
+        (tool, &["localizer", "run"]),
+        (tool, &["localizer", "trial"]),
+        (tool, &["localizer", "motion"]),
+        (tool, &["fixtures", "generate"]),
+        (env!("CARGO_BIN_EXE_ablation"), &[]),
+        (env!("CARGO_BIN_EXE_budget-curve"), &[]),
+        (env!("CARGO_BIN_EXE_drives"), &[]),
+        (env!("CARGO_BIN_EXE_faults"), &[]),
+        (env!("CARGO_BIN_EXE_score-turned"), &[]),
+        (env!("CARGO_BIN_EXE_weather"), &[]),
+    ];
+    for (program, words) in programs {
+        let printed = run_path(program, &[words, &["--print-config"]].concat()).ok();
         std::fs::write(&file, &printed).unwrap();
-        let again = run(program, &[command, "--print-config", "--config", text(&file)]).ok();
-        assert_eq!(printed, again);
+        let again = run_path(program, &[words, &["--print-config", "--config", text(&file)]].concat()).ok();
+        assert!(printed.lines().count() > 5 && printed == again, "{program} {words:?}: {printed}");
     }
 }
 

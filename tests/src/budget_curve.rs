@@ -1,33 +1,15 @@
 //! Accuracy against bytes: what a smaller map is expected to localize to, and
 //! what it does.
 
-use std::path::Path;
-
-use common::geometry::Pose;
 use common::map::{EncodeOptions, SemanticMap};
-use localizer::config::Config as LocalizerConfig;
-use localizer::drive::{Drive, Source};
-use localizer::eval::{FrameError, START_FRAMES, score};
-use localizer::gps::simulate;
-use localizer::local_map::LocalMap;
-use localizer::odometry::OdometryLog;
-use localizer::output::Recorded;
-use localizer::run::{FrameFeatures, Localizer, Method, localize};
-use localizer::vision::network::Runtime;
-use localizer::watch::{Watched, odometry, watch};
+use localizer::cli::input::simulated;
+use localizer::eval::{FrameError, START_FRAMES};
 use mapper::budget::{Coder, Detail, Known};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 
-/// A drive whose images have been looked at, and its true poses.
-pub struct Seen {
-    drive: Drive,
-    frames: Vec<FrameFeatures>,
-    motion: OdometryLog,
-    truth: Vec<Pose>,
-    config: LocalizerConfig,
-}
+use crate::trial::Trial;
 
 /// Measured errors, pooled over all starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,62 +28,33 @@ pub struct Measured {
     pub under_half_metre: f64,
 }
 
-impl Seen {
-    /// Looks at the label images of a sequence.
-    ///
-    /// # Errors
-    /// One sentence that names the file and says what is wrong with it.
-    pub fn read(root: &Path, sequence: &str, labels: &Path, truth: &Path) -> Result<Self, String> {
-        let say = |error: localizer::Error| error.to_string();
-        let mut config = LocalizerConfig::default();
-        let source = Source::open(&[], Runtime::default(), Some(labels)).map_err(say)?;
-        let drive = Drive::open(root, sequence, Some(labels), 0, None, config.vision.widest_px).map_err(say)?;
-        let truth = common::kitti::read_poses(truth).map_err(|error| error.to_string())?;
-        let known = drive.frames.iter().copied().filter(|&frame| frame < truth.len());
-        let Watched { frames, motion } = watch(&drive, known, &source, false, &config, |_, _| Ok(())).map_err(say)?;
-        if frames.is_empty() {
-            return Err("the drive has no frame with a true pose; give the poses of this drive".to_owned());
-        }
-        let motion = odometry(None, &motion, &mut config);
-        Ok(Self { drive, frames, motion, truth, config })
+/// Localizes a drive in a map from so many simulated GPS starts, with the seeds 0, 1, ...;
+/// none where no frame is after the start.
+///
+/// # Errors
+/// What the localizer says; a map in memory gives it no reason.
+pub fn measure(trial: &Trial, map: &SemanticMap, starts: u64) -> localizer::Result<Option<Measured>> {
+    let mut errors: Vec<FrameError> = Vec::new();
+    for seed in 0..starts {
+        let fixes = simulated(&trial.frames, &trial.truth, &trial.config, seed)?;
+        let results = trial.run_in(map, &fixes)?;
+        errors.extend(trial.errors(results.get(START_FRAMES..).unwrap_or_default()));
     }
-
-    /// Localizes the drive in a map from so many GPS starts; none where no frame is
-    /// after the start.
-    ///
-    /// # Errors
-    /// What the localizer says; a map in memory gives it no reason.
-    pub fn measure(&self, map: &SemanticMap, starts: u64) -> Result<Option<Measured>, String> {
-        let mut map = LocalMap::whole(map.clone());
-        let truth: Vec<Option<Pose>> = self.truth.iter().copied().map(Some).collect();
-        let mut errors: Vec<FrameError> = Vec::new();
-        for seed in 0..starts {
-            let first: Vec<usize> =
-                self.frames.iter().take(self.config.gps.simulated_fixes).map(|seen| seen.frame).collect();
-            let poses: Vec<Pose> = first.iter().map(|frame| self.truth[*frame]).collect();
-            let fixes = first.iter().copied().zip(simulate(&poses, &self.config.gps, seed)).collect();
-            let localizer =
-                Localizer::new(Method::Robust, &mut map, &self.drive.camera, self.drive.seen_px(), &self.config);
-            let results = localize(&self.frames, &fixes, &self.motion, localizer).map_err(|error| error.to_string())?;
-            let scored: Vec<Recorded> = results.iter().skip(START_FRAMES).map(Recorded::from).collect();
-            errors.extend(score(&scored, &truth, &[]).into_iter().flat_map(|report| report.errors));
-        }
-        if errors.is_empty() {
-            return Ok(None);
-        }
-        let count = errors.len() as f64;
-        let rms = |value: &dyn Fn(&FrameError) -> f64| {
-            (errors.iter().map(|error| value(error).powi(2)).sum::<f64>() / count).sqrt()
-        };
-        Ok(Some(Measured {
-            position_m: rms(&FrameError::position_m),
-            lateral_m: rms(&|error| error.lateral_m),
-            longitudinal_m: rms(&|error| error.longitudinal_m),
-            angle_rad: rms(&|error| error.angle_rad),
-            worst_m: errors.iter().map(FrameError::position_m).fold(0.0, f64::max),
-            under_half_metre: errors.iter().filter(|error| error.position_m() < 0.5).count() as f64 / count,
-        }))
+    if errors.is_empty() {
+        return Ok(None);
     }
+    let count = errors.len() as f64;
+    let rms = |value: &dyn Fn(&FrameError) -> f64| {
+        (errors.iter().map(|error| value(error).powi(2)).sum::<f64>() / count).sqrt()
+    };
+    Ok(Some(Measured {
+        position_m: rms(&FrameError::position_m),
+        lateral_m: rms(&|error| error.lateral_m),
+        longitudinal_m: rms(&|error| error.longitudinal_m),
+        angle_rad: rms(&|error| error.angle_rad),
+        worst_m: errors.iter().map(FrameError::position_m).fold(0.0, f64::max),
+        under_half_metre: errors.iter().filter(|error| error.position_m() < 0.5).count() as f64 / count,
+    }))
 }
 
 /// What one would keep without thinking of the camera.

@@ -182,10 +182,18 @@ impl Trial {
     /// # Errors
     /// What the localizer says; a map in memory gives it no reason.
     pub fn run(&self) -> localizer::Result<Vec<FrameResult>> {
-        let mut map = LocalMap::whole(self.map.clone());
+        self.run_in(&self.map, &self.fixes)
+    }
+
+    /// The same in another map, with other GPS fixes.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub fn run_in(&self, map: &SemanticMap, fixes: &BTreeMap<usize, GpsFix>) -> localizer::Result<Vec<FrameResult>> {
+        let mut map = LocalMap::whole(map.clone());
         localize(
             &self.frames,
-            &self.fixes,
+            fixes,
             &self.odometry,
             Localizer::new(self.method, &mut map, &self.camera, self.image, &self.config),
         )

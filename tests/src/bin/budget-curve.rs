@@ -9,8 +9,9 @@ use common::map::SemanticMap;
 use mapper::Config;
 use mapper::budget::{Accuracy, Stored, reduce};
 use mapper::cli::ConfigArgs;
-use waymark_tests::budget_curve::{Measured, Naive, Seen, naive};
+use waymark_tests::budget_curve::{Measured, Naive, measure, naive};
 use waymark_tests::cli::{Outcome, ended};
+use waymark_tests::trial::LookArgs;
 
 /// Predicted and measured accuracy of a map reduced to several sizes.
 #[derive(Debug, Parser)]
@@ -59,7 +60,8 @@ fn run(arguments: &Arguments) -> Outcome {
     if let Some(note) = &stored.note {
         common::say!("{note}");
     }
-    let seen = look(kitti, arguments)?;
+    // All settings of the localizer are the defaults.
+    let Some(trial) = look(map, kitti, arguments).read()? else { return Ok(()) };
     common::say!(
         "{}: {} bytes; errors of {} starts, metres and degrees",
         map.display(),
@@ -94,25 +96,28 @@ fn run(arguments: &Arguments) -> Outcome {
             Err(error) => return Err(error.into()),
         };
         let used = reduced.bytes.len();
-        let measured = seen.measure(&reduced.map, arguments.starts)?;
+        let measured = measure(&trial, &reduced.map, arguments.starts)?;
         row(budget, "best", used, &reduced.map, reduced.detail.quantum_m, Some(&reduced.predicted), measured.as_ref());
         if !arguments.naive || budget == usize::MAX {
             continue;
         }
         for (name, order) in [("by size", Naive::BySize), ("by count", Naive::ByCount), ("random", Naive::Random)] {
             let map = naive(whole, &reduced.detail, budget, order)?;
-            let measured = seen.measure(&map, arguments.starts)?;
+            let measured = measure(&trial, &map, arguments.starts)?;
             row(budget, name, budget, &map, reduced.detail.quantum_m, None, measured.as_ref());
         }
     }
     Ok(())
 }
 
-fn look(root: &Path, arguments: &Arguments) -> Result<Seen, String> {
+fn look(map: &Path, root: &Path, arguments: &Arguments) -> LookArgs {
     let or = |given: &Option<PathBuf>, usual: PathBuf| given.clone().unwrap_or(usual);
     let labels = or(&arguments.labels, root.join("sequences").join(&arguments.sequence).join("labels_2"));
     let truth = or(&arguments.truth, root.join("truth/poses.txt"));
-    Seen::read(root, &arguments.sequence, &labels, &truth)
+    let mut look = LookArgs::of_labels(root, map, &truth, None);
+    look.input.sequence.clone_from(&arguments.sequence);
+    look.input.labels = Some(labels);
+    look
 }
 
 fn row(

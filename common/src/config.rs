@@ -211,6 +211,11 @@ fn known_keys<T: Serialize>(defaults: &T) -> Vec<String> {
     keys
 }
 
+/// Jaro-Winkler similarity from which a name of the same table may have been meant, and one
+/// of another table.
+const SIMILAR: f64 = 0.7;
+const SIMILAR_ELSEWHERE: f64 = 0.9;
+
 /// The key that was meant: the same name in another table, else the most
 /// similar one here, else the most similar one anywhere.
 fn nearest_key(key: &str, expected: &[&str], known: &[String]) -> Option<String> {
@@ -219,10 +224,11 @@ fn nearest_key(key: &str, expected: &[&str], known: &[String]) -> Option<String>
         return Some(elsewhere.clone());
     }
     let similar = |a: &str| strsim::jaro_winkler(a, key);
-    let here = expected.iter().map(|&e| (similar(e), e.to_owned()));
-    let anywhere = known.iter().map(|full| (similar(&name(full)) - 0.05, full.clone()));
-    here.chain(anywhere)
-        .filter(|(similarity, _)| *similarity > 0.7)
+    let here = expected.iter().map(|&e| (similar(e), e.to_owned())).filter(|(similarity, _)| *similarity > SIMILAR);
+    // Among hundreds of names one is a little like any word.
+    let anywhere = known.iter().map(|full| (similar(&name(full)), full.clone()));
+    let anywhere = anywhere.filter(|(similarity, _)| *similarity > SIMILAR_ELSEWHERE);
+    here.chain(anywhere.map(|(similarity, full)| (similarity - 0.05, full)))
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, nearest)| nearest)
 }
@@ -312,6 +318,10 @@ mod tests {
     #[test]
     fn a_key_in_the_wrong_table_is_shown_its_place() {
         assert!(message("radius_m = 0.5").contains("`poles.radius_m`"));
+        assert!(message("raduis_m = 0.5").contains(".radius_m`?)"));
+        // What is only a little like it is not taken for it.
+        let said = message("rad = 0.5");
+        assert!(said.contains("no setting `rad`;"), "{said}");
     }
 
     #[test]

@@ -60,8 +60,7 @@ fn run(arguments: &Arguments) -> Outcome {
     if let Some(note) = &stored.note {
         common::say!("{note}");
     }
-    // All settings of the localizer are the defaults.
-    let Some(trial) = look(map, kitti, arguments).read()? else { return Ok(()) };
+    let trial = look(map, kitti, arguments).read_by(localizer::config::Config::default())?;
     common::say!(
         "{}: {} bytes; errors of {} starts, metres and degrees",
         map.display(),

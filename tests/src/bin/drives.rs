@@ -1,10 +1,11 @@
 //! Drives of many worlds: how well each is mapped and localized.
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
+use common::config::load_or_default;
 use fixtures::Options;
+use mapper::cli::ConfigArgs;
 use waymark_tests::cli::{Outcome, ended};
 use waymark_tests::drives::{Localized, Row, Seeds, Totals, measure};
 use waymark_tests::map_score::Found;
@@ -13,6 +14,9 @@ use waymark_tests::trial::Figures;
 /// Generates drives, maps each from every fifth scan and localizes it in its map, from its
 /// label images alone and with wheels: a row of a Markdown table for each, and what all of
 /// them give together.
+///
+/// The settings are those of `fixtures generate`: another rig, another lidar, and under
+/// `[world]` what `from-survey` and `aged` need.
 ///
 /// A drive is deleted once it is measured. Poles, signs and lanes are those within 20 m of
 /// the path; positions are scored against the exact poses, or, where the survey drifts so much
@@ -23,13 +27,8 @@ struct Arguments {
     /// Worlds and their seeds, as `street:1-3 city:7,9`; `fixtures worlds` lists them.
     #[arg(value_name = "WORLD:SEEDS", required_unless_present = "print_config")]
     drives: Vec<Seeds>,
-    /// Settings of the drives, as of `fixtures generate`: another rig, another lidar, and under
-    /// `[world]` what `from-survey` and `aged` need.
-    #[arg(long, value_name = "FILE.toml")]
-    config: Option<PathBuf>,
-    /// Print all settings as TOML and end.
-    #[arg(long)]
-    print_config: bool,
+    #[command(flatten)]
+    config: ConfigArgs,
     /// Number of frames of each [default: as many as its world is made for].
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
@@ -40,11 +39,8 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Outcome {
-    let given: Options = arguments.config.as_ref().map_or_else(|| Ok(Options::default()), common::config::load)?;
-    if arguments.print_config {
-        common::output::print(&common::config::to_toml(&given)?);
-        return Ok(());
-    }
+    let given = arguments.config.load(|file| Ok(load_or_default::<Options>(file, &[])?))?;
+    let Some(given) = given else { return Ok(()) };
     let mut totals = Totals::default();
     for Seeds { world, seeds } in &arguments.drives {
         for &seed in seeds {

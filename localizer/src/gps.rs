@@ -32,6 +32,9 @@ pub struct GpsConfig {
     pub course_sigma_m_s: f64,
     /// Fixes that are simulated, from the first frame on; the paper's 2.
     pub simulated_fixes: usize,
+    /// Oldest that a fix may be when an image comes, seconds, where both are taken in as
+    /// they come: it is moved on as the camera moved, and that changes meanwhile.
+    pub oldest_s: f64,
     /// Fixes bound the pose wherever it is known less well than they are.
     /// Without, they only say where to search and which pose is the likelier.
     pub fuse: bool,
@@ -59,6 +62,7 @@ impl Default for GpsConfig {
             heading_sigma_deg: 2.0,
             course_sigma_m_s: 0.35,
             simulated_fixes: 2,
+            oldest_s: 1.0,
             fuse: false,
             refused_sigmas: 4.0,
             believed_after: 3,
@@ -93,6 +97,35 @@ impl GpsFix {
             horizontal_sigma_m: config.horizontal_sigma_m,
             heading: Some((parameters.yaw_rad, config.heading_sigma_deg.to_radians())),
             is_course: false,
+        }
+    }
+
+    /// A fix at a position, metres, with a forward direction right and forward.
+    fn headed(position: [f64; 3], [forward_x, forward_z]: [f64; 2], config: &GpsConfig) -> Self {
+        let heading = Some((forward_x.atan2(forward_z), config.heading_sigma_deg.to_radians()));
+        Self { heading, ..Self::at(position, config) }
+    }
+
+    /// A fix at a position, metres, that knows no heading.
+    fn at(position: [f64; 3], config: &GpsConfig) -> Self {
+        let horizontal_sigma_m = config.horizontal_sigma_m;
+        Self { position_map: Point3::from(position), horizontal_sigma_m, heading: None, is_course: false }
+    }
+
+    /// The time of a row `t x y z` or `t x y z qx qy qz qw` (TUM), seconds, and its fix;
+    /// none of other rows. A heading is the course over ground.
+    pub fn of_row(row: &[f64], config: &GpsConfig) -> Option<(f64, Self)> {
+        match *row {
+            [time_s, x, y, z] => Some((time_s, Self::at([x, y, z], config))),
+            [time_s, x, y, z, i, j, k, w] => {
+                // Four zeros are how receivers say that they know no heading.
+                let rotation = UnitQuaternion::try_new(Quaternion::new(w, i, j, k), LEAST_NORM);
+                let forward = rotation.map(|rotation| rotation * Vector3::z());
+                let headed = forward.map(|forward| Self::headed([x, y, z], [forward.x, forward.z], config));
+                let fix = headed.unwrap_or_else(|| Self::at([x, y, z], config));
+                Some((time_s, Self { is_course: true, ..fix }))
+            }
+            _ => None,
         }
     }
 
@@ -167,7 +200,9 @@ pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<FixFile>
     let mut file = FixFile::default();
     let mut first_astray = None;
     let rows = text.lines().enumerate().map(|(i, row)| (i + 1, row.trim()));
-    for (index, (line, row)) in rows.filter(|(_, row)| !row.is_empty() && !row.starts_with('#')).enumerate() {
+    let mut rows = rows.filter(|(_, row)| !row.is_empty() && !row.starts_with('#')).peekable();
+    rows.next_if(|(_, row)| is_of_names(row));
+    for (index, (line, row)) in rows.enumerate() {
         let values = numbers(path, line, row)?;
         if values.len() == 12 && values.iter().all(|v| v.is_nan()) {
             continue;
@@ -175,26 +210,20 @@ pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<FixFile>
         if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
             return Err(bad_number(path, line, &bad.to_string()));
         }
-        let yaw =
-            |forward_x: f64, forward_z: f64| Some((forward_x.atan2(forward_z), config.heading_sigma_deg.to_radians()));
-        let (place, position, heading) = match *values.as_slice() {
-            [time_s, x, y, z] => (Place::Time(time_s), [x, y, z], None),
-            [time_s, x, y, z, i, j, k, w] => {
-                // Four zeros are how receivers say that they know no heading.
-                let rotation = UnitQuaternion::try_new(Quaternion::new(w, i, j, k), LEAST_NORM);
-                let heading = rotation.map(|rotation| rotation * Vector3::z()).and_then(|f| yaw(f.x, f.z));
-                (Place::Time(time_s), [x, y, z], heading)
-            }
+        let (place, fix) = match *values.as_slice() {
             [_, _, forward_x, x, _, _, _, y, _, _, forward_z, z] => {
-                (Place::Frame(index), [x, y, z], yaw(forward_x, forward_z))
+                (Place::Frame(index), GpsFix::headed([x, y, z], [forward_x, forward_z], config))
             }
             [frame, _, _, forward_x, x, _, _, _, y, _, _, forward_z, z] => {
                 if frame < 0.0 || frame.fract() != 0.0 {
                     return Err(Error::GpsFrame { path: path.to_path_buf(), line, found: frame });
                 }
-                (Place::Frame(frame as usize), [x, y, z], yaw(forward_x, forward_z))
+                (Place::Frame(frame as usize), GpsFix::headed([x, y, z], [forward_x, forward_z], config))
             }
-            _ => return Err(Error::GpsRow { path: path.to_path_buf(), line, found: values.len() }),
+            _ => match GpsFix::of_row(&values, config) {
+                Some((time_s, fix)) => (Place::Time(time_s), fix),
+                None => return Err(Error::GpsRow { path: path.to_path_buf(), line, found: values.len() }),
+            },
         };
         if let Some(matrix) = values.last_chunk::<12>().filter(|_| values.len() >= 12) {
             common::pose_of(path, line, matrix)?;
@@ -213,18 +242,21 @@ pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<FixFile>
             file.astray_lines.push(line);
             continue;
         };
-        let fix = GpsFix {
-            position_map: Point3::from(position),
-            horizontal_sigma_m: config.horizontal_sigma_m,
-            heading,
-            is_course: values.len() == 8,
-        };
         file.fixes.insert(frame, fix);
     }
     match first_astray.filter(|_| file.fixes.is_empty()) {
         Some((line, (time_s, off_s))) => Err(Error::GpsTime { path: path.to_path_buf(), line, time_s, off_s }),
         None => Ok(file),
     }
+}
+
+/// What stands between the words of a row.
+pub(crate) const SEPARATORS: [char; 3] = [' ', '\t', ','];
+
+/// Whether a row names columns: `nan` and `inf` are numbers, which are none here.
+pub(crate) fn is_of_names(row: &str) -> bool {
+    let first = row.split(SEPARATORS).next().unwrap_or_default();
+    first.trim_start_matches('"').starts_with(char::is_alphabetic) && first.parse::<f64>().is_err()
 }
 
 /// The error of a number that is none.
@@ -235,7 +267,7 @@ pub(crate) fn bad_number(path: &Path, line: usize, text: &str) -> Error {
 
 /// The numbers of a row, separated by blanks or commas.
 pub(crate) fn numbers(path: &Path, line: usize, row: &str) -> Result<Vec<f64>> {
-    row.split([' ', '\t', ','])
+    row.split(SEPARATORS)
         .filter(|word| !word.is_empty())
         .map(|word| word.parse().map_err(|_| bad_number(path, line, word)))
         .collect()

@@ -21,6 +21,7 @@ mod region;
 mod rivals;
 mod search;
 mod sight;
+mod strangers;
 mod sweep;
 mod unseen;
 
@@ -50,6 +51,7 @@ use crate::start::Search;
 use hypothesis::Hypothesis;
 use region::Region;
 use sight::Sight;
+use strangers::Strangers;
 use sweep::Sweep;
 pub use sweep::SweepConfig;
 use unseen::Unseen;
@@ -98,6 +100,10 @@ pub struct Tracker<'a> {
     time_variance_s2: f64,
     /// What was made of the last frame.
     verdict: Option<Verdict>,
+    /// What was seen and is not in the map.
+    strangers: Strangers,
+    /// Fixes in a row that say that the best hypothesis is elsewhere.
+    contradicting_fixes: usize,
     /// Time since the best hypothesis was last followed, seconds.
     unfollowed_s: f64,
     associator: Associator,
@@ -130,6 +136,8 @@ impl<'a> Tracker<'a> {
             clock: Clock::default(),
             time_variance_s2: 0.0,
             verdict: None,
+            strangers: Strangers::default(),
+            contradicting_fixes: 0,
             unfollowed_s: f64::INFINITY,
             associator: Associator::default(),
             search: Search::default(),
@@ -304,7 +312,18 @@ impl<'a> Tracker<'a> {
         let contradiction = |interval: Interval| interval.contradiction_sigmas(self.time_variance_s2);
         let contradiction_sigmas = best.interval.map_or(0.0, contradiction);
         let shows_the_same = self.sight.shows_the_same;
-        let context = Context { lead, margin, contradiction_sigmas, late, shows_the_same };
+        if !shows_the_same {
+            self.strangers.see(&best.now);
+        }
+        let context = Context {
+            lead,
+            margin,
+            contradiction_sigmas,
+            late,
+            shows_the_same,
+            is_strange: self.strangers.are_all(&self.config.health),
+            is_contradicted: self.is_contradicted(),
+        };
         let verdict = health::judge(best, &context, self.verdict, &self.config.health);
         self.verdict = Some(verdict);
         let status = self.unseen.judged(verdict.status, shows_the_same);
@@ -317,6 +336,9 @@ impl<'a> Tracker<'a> {
         if self.sweep.trusts(status, is_well, position_map, &self.config.sweep) {
             // Should it be lost from here on, it is searched around here.
             self.region.trust(&best.state, self.config.bank.contradiction);
+            if self.contradicting_fixes == 0 {
+                self.region.forget_told();
+            }
         }
         let alone = std::slice::from_ref(best);
         let said = if status == Status::Ok { alone } else { self.bank.as_slice() };

@@ -65,6 +65,14 @@ pub struct HealthConfig {
     /// should be: networks that find half of it find half of the rest. Along generated
     /// streets, cities and bends it knows 0.43 to 0.75 of them, in wrong places 0.1 to 0.36.
     pub enough_known: f64,
+    /// Images in a row that show posts, and nothing that the map has there, after which it is
+    /// not ok, however well the lines fit: those fit all along a road.
+    pub strange_images: usize,
+    /// So many posts they must have shown: networks see some where none stand.
+    pub most_strange: f64,
+    /// And so much of what the map has must be missing in them, landmarks times images: where
+    /// it has next to nothing, nothing of it is in view.
+    pub most_missing: f64,
     /// A frame holds a pose if what was matched is worth at least this, nats,
     /// whatever was not seen: with a house before half of the landmarks the
     /// rest still holds.
@@ -112,6 +120,9 @@ impl Default for HealthConfig {
             least_foreseen_anew: 0.75,
             least_foreseen: 0.5,
             enough_known: 0.45,
+            strange_images: 4,
+            most_strange: 20.0,
+            most_missing: 8.0,
             min_worth: 6.0,
             lost_after_frames: 8,
             most_missed: 3.0,
@@ -160,6 +171,10 @@ pub struct Context {
     pub late: Matrix6<f64>,
     /// It is an old image again.
     pub shows_the_same: bool,
+    /// All that stands there is strange to the map.
+    pub is_strange: bool,
+    /// Fixes say that it is elsewhere.
+    pub is_contradicted: bool,
 }
 
 /// Judges the best hypothesis; `before` was said of the frame before.
@@ -177,12 +192,15 @@ pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, heal
         // It takes nothing from what was trusted, and adds nothing.
         return Verdict { status: before.status.max(Status::Degraded), ..before };
     }
-    let was_ok = before.is_some_and(|verdict| verdict.was_ok);
+    // What was right before a jump in time, say, tells nothing of the place after it.
+    let is_elsewhere = context.is_strange || context.is_contradicted;
+    let was_ok = before.is_some_and(|verdict| verdict.was_ok) && !is_elsewhere;
     // Where there is little to see, what was trusted goes as far as its motion is known.
     let is_ok_still = before.is_some_and(|verdict| verdict.status == Status::Ok)
         && best.support < health.min_support
         && best.goes_on(health);
     let is_followed = verified
+        && !is_elsewhere
         && sigma_m <= health.ok_sigma_m
         && (is_ok_still || best.support >= health.min_support && context.margin >= 0.0)
         && best.mean_square <= health.max_mean_square

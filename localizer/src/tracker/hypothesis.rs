@@ -78,6 +78,8 @@ pub struct Hypothesis {
     /// What should have been seen along its way, and what of that was: landmarks
     /// times metres, with fading memory.
     pub foreseen: Foreseen,
+    /// The same in the last frame alone.
+    pub now: Foreseen,
     /// The way since the frame before, metres.
     way_m: f64,
     /// Root mean square distance of its matches, pixels.
@@ -156,6 +158,7 @@ impl Hypothesis {
             separation: Separation::default(),
             off_road_m: 0.0,
             foreseen: Foreseen::default(),
+            now: Foreseen::default(),
             way_m: FIRST_WAY_M,
             rms_px: 0.0,
             iterations: 0,
@@ -170,7 +173,8 @@ impl Hypothesis {
         self.rms_px = refined.rms_px;
         self.iterations = refined.iterations;
         self.converged = refined.converged;
-        self.foreseen.add(&refined.foreseen, self.way_m);
+        self.now = refined.foreseen;
+        self.foreseen.add(&self.now, self.way_m);
         self.evidence = refined.support + refined.occam - surprise;
         self.weigh();
     }
@@ -226,6 +230,7 @@ impl Hypothesis {
         self.age_frames += 1;
         self.apart_frames += 1;
         self.interval = None;
+        self.now = Foreseen::default();
         let way_m = self.state.velocity.fixed_rows::<3>(0).norm() * dt_s;
         self.foreseen.fade((-way_m / config.health.foreseen_memory_m).exp());
         self.way_m = way_m;

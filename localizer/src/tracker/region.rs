@@ -34,6 +34,9 @@ pub(super) struct Region {
     told: Option<State>,
     /// Fixes in a row that do not agree.
     refused_fixes: usize,
+    /// How many of them agree with each other: those of a receiver that is stuck do not,
+    /// as the vehicle drives on.
+    agreeing_fixes: usize,
     /// Position of the last fix, and the time since then, seconds.
     heard: Option<(Point3<f64>, f64)>,
     /// Variance of the time between two images, s^2. Times that are off do not
@@ -54,7 +57,11 @@ impl Region {
         } else if let Some(left) = trusted.filter(contradicts) {
             self.former = Some(left);
         }
-        (self.told, self.refused_fixes) = (None, 0);
+    }
+
+    /// Lets go of what fixes said that contradict what is trusted.
+    pub fn forget_told(&mut self) {
+        (self.told, self.refused_fixes, self.agreeing_fixes) = (None, 0, 0);
     }
 
     /// Where to search: where the fixes say, once enough of them contradict what
@@ -97,13 +104,17 @@ impl Region {
             Some(trusted) if agrees(trusted) => {
                 take_in(trusted, rough);
                 self.former = self.former.take().filter(agrees);
-                (self.told, self.refused_fixes) = (None, 0);
+                self.forget_told();
             }
             Some(_) => {
                 self.refused_fixes += 1;
+                self.agreeing_fixes += 1;
                 match &mut self.told {
                     Some(told) if agrees(told) => take_in(told, rough),
-                    told => *told = Some(unknown_speed(rough, config)),
+                    told => {
+                        *told = Some(unknown_speed(rough, config));
+                        self.agreeing_fixes = 1;
+                    }
                 }
             }
             trusted => *trusted = Some(unknown_speed(rough, config)),
@@ -165,8 +176,28 @@ impl Tracker<'_> {
             let speed_m_s = shown_m_s.unwrap_or_else(|| self.region.speed_to(fix));
             let rough = self.rough_from(fix, speed_m_s)?;
             self.region.take(fix, &rough, &self.config);
+            self.hold_against(fix);
         }
         Ok(())
+    }
+
+    /// Counts the fixes in a row that say that the best hypothesis is elsewhere; after enough
+    /// of them the images decide anew between there and here.
+    fn hold_against(&mut self, fix: &GpsFix) {
+        let Some(best) = self.bank.first() else { return };
+        let gps = &self.config.gps;
+        let agrees = fix.offset(&best.state, gps).is_some();
+        self.contradicting_fixes = if agrees { 0 } else { self.contradicting_fixes + 1 };
+        if self.is_contradicted() {
+            let before = self.bank.first().map_or(0.0, |best| best.past_weight);
+            self.bank.iter_mut().for_each(|hypothesis| hypothesis.forget(before));
+        }
+    }
+
+    /// Whether enough fixes that agree with each other say that the best hypothesis is
+    /// elsewhere.
+    pub(super) fn is_contradicted(&self) -> bool {
+        self.contradicting_fixes.min(self.region.agreeing_fixes) >= self.config.gps.believed_after
     }
 
     /// Takes nothing from before as speaking for a place.

@@ -22,7 +22,7 @@ impl Tracker<'_> {
             (verified && best.log_weight >= bank.sure_evidence)
                 || (alone && best.log_weight >= 2.0 * bank.sure_evidence)
         });
-        if sure || self.sight.shows_nothing() {
+        if (sure && !self.is_contradicted()) || self.sight.shows_nothing() {
             return Ok(false);
         }
         let Some(region) = self.region.searched(&self.config.gps).cloned() else { return Ok(false) };

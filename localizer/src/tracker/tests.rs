@@ -9,6 +9,7 @@ use crate::testing::{IMAGE, Recipe, World, time_s};
 
 mod astray;
 mod bank;
+mod elsewhere;
 mod far;
 mod gaps;
 mod trust;

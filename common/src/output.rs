@@ -11,8 +11,23 @@ static LOST: OnceLock<String> = OnceLock::new();
 /// fault: the work goes on, and files are written. Where it goes to a file that
 /// cannot take it, [`ended`] says so.
 pub fn print(text: &str) {
+    print_to_reader(text);
+}
+
+/// The same; false where nobody can read any more, for who works for a reader alone.
+pub fn print_to_reader(text: &str) -> bool {
     let mut output = std::io::stdout();
-    if let Err(error) = output.write_all(text.as_bytes()).and_then(|()| output.flush())
+    let Err(error) = output.write_all(text.as_bytes()).and_then(|()| output.flush()) else { return true };
+    if error.kind() != ErrorKind::BrokenPipe {
+        LOST.get_or_init(|| error.to_string());
+    }
+    false
+}
+
+/// Takes note of what became of a text that another has written to the standard output,
+/// such as the help of a command line: as [`print()`] does of its own.
+pub fn written(result: std::io::Result<()>) {
+    if let Err(error) = result.and_then(|()| std::io::stdout().flush())
         && error.kind() != ErrorKind::BrokenPipe
     {
         LOST.get_or_init(|| error.to_string());

@@ -18,9 +18,10 @@ use std::time::Instant;
 use common::geometry::Pose;
 use common::map::{RoadId, SemanticMap};
 use divan::{AllocProfiler, Bencher};
+use localizer::camera::Source;
 use localizer::cli::input::simulated;
 use localizer::config::Config;
-use localizer::drive::{Drive, Source};
+use localizer::drive::Drive;
 use localizer::eval::START_FRAMES;
 use localizer::gps::GpsFix;
 use localizer::local_map::LocalMap;
@@ -75,7 +76,9 @@ static CASE: LazyLock<Case> = LazyLock::new(|| {
         FrameFeatures { frame, time_s, features: seen.features, maps_ms: 0.0, features_ms: 0.0 }
     };
     let frames: Vec<FrameFeatures> = drive.frames.iter().map(look).collect();
-    let starts = (0..STARTS).map(|seed| simulated(&frames, &truth, &config, seed).unwrap()).collect();
+    let starts = (0..STARTS)
+        .map(|seed| simulated(frames.iter().map(|seen| seen.frame), &truth, &config, seed).unwrap())
+        .collect();
     let name = format!("{} frames of {sequence}, {} GPS starts", frames.len(), STARTS);
     Case { name, config, map, drive, frames, starts }
 });
@@ -93,7 +96,7 @@ fn segmented(shared: &Path) -> Option<PathBuf> {
         // The labels of a frame are written in the order of the classes.
         if !localizer::vision::Class::ALL.iter().all(|&class| labels::path(&folder, class, frame).is_file()) {
             let seen = drive.see(frame, &source, &config).ok()?;
-            drive.write_labels(&folder, frame, &seen).ok()?;
+            drive.camera.write_labels(&folder, frame, &seen).ok()?;
         }
     }
     Some(folder)
@@ -122,7 +125,7 @@ impl Case {
     /// A localizer in a map that is held for good, a bench being short.
     fn tracker(&self, copies: usize) -> Tracker<'static> {
         let map = Box::leak(Box::new(LocalMap::whole(repeated(&self.map, copies))));
-        Tracker::new(map, &self.drive.camera, self.drive.seen_px(), &self.config)
+        Tracker::new(map, &self.drive.camera.pinhole, self.drive.camera.seen_px(), &self.config)
     }
 
     fn input(&self, start: usize, frame: usize) -> FrameInput<'_> {

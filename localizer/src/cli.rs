@@ -1,7 +1,8 @@
-//! The command line: `run`, `trial`, `segment`, `motion`, `eval`.
+//! The command line: `run`, `live`, `trial`, `segment`, `motion`, `eval`.
 
 mod eval;
 pub mod input;
+mod live;
 mod motion;
 mod run;
 mod segment;
@@ -27,6 +28,8 @@ struct Cli {
 enum Command {
     /// Localize the frames of a drive.
     Run(run::RunArgs),
+    /// Localize images as they come, in a vehicle: lines in, lines out.
+    Live(live::LiveArgs),
     /// Localize a drive from many simulated GPS starts, with both methods.
     Trial(trial::TrialArgs),
     /// Write the networks' probabilities as images, for `--labels`.
@@ -70,9 +73,13 @@ pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
         Ok(cli) => cli,
         Err(error) => {
             // Help and version are no errors.
-            let code = if error.use_stderr() { 2 } else { 0 };
-            let _ = error.print();
-            return ExitCode::from(code);
+            let printed = error.print();
+            if error.use_stderr() {
+                return ExitCode::from(2);
+            }
+            // Help and version are no errors.
+            common::output::written(printed);
+            return common::output::ended(ExitCode::SUCCESS);
         }
     };
     common::output::ended(match dispatch(&cli.command) {
@@ -89,6 +96,7 @@ pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
 fn dispatch(command: &Command) -> Result<bool> {
     match command {
         Command::Run(args) => run::execute(args),
+        Command::Live(args) => live::execute(args),
         Command::Trial(args) => trial::execute(args),
         Command::Segment(args) => segment::execute(args),
         Command::Motion(args) => motion::execute(args),

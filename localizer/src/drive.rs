@@ -1,20 +1,14 @@
 //! A drive on disk: its frames, and the features of each from networks or from
 //! probability images made before.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::mpsc::sync_channel;
 
-use common::geometry::PinholeCamera;
 use common::kitti::Sequence;
 
-use crate::config::Config;
-use crate::features::Features;
-use crate::projection::ImageSize;
-use crate::vision::config::Ground;
-use crate::vision::image::{check_calibration, check_size, size_of_png};
-use crate::vision::network::{self, Network, Runtime};
-use crate::vision::{Plane, ProbabilityMaps, RgbImage, VisionConfig, labels, read_png};
-use crate::visual_odometry::VisualOdometer;
+use crate::camera::{ScaledCamera, Seen, Source};
+use crate::vision::image::{check_calibration, size_of_png};
+use crate::vision::{Plane, RgbImage, VisionConfig, labels};
 use crate::{Error, Result};
 
 /// The camera of KITTI that is used: left, colour.
@@ -29,57 +23,12 @@ const FRAMES_AHEAD: usize = 2;
 pub struct Drive {
     /// Where it lies.
     pub sequence: Sequence,
-    /// The camera, of images of the size at which they are looked at.
-    pub camera: PinholeCamera,
-    /// Columns and rows of the images as they were taken.
-    taken_px: (usize, usize),
-    /// The same as they are looked at.
-    seen_px: (usize, usize),
+    /// The camera, and how its images are looked at.
+    pub camera: ScaledCamera,
     /// The time of every frame of the sequence, seconds.
     pub times_s: Vec<f64>,
     /// The frames to localize, ascending.
     pub frames: Vec<usize>,
-}
-
-/// Where the class probabilities of a frame come from.
-pub enum Source {
-    /// Networks, run on the images.
-    Networks(Vec<Network>),
-    /// Probability images `CLASS/NNNNNN.png` in a folder.
-    Labels(PathBuf),
-}
-
-impl Source {
-    /// Networks that are given by their files, or else a folder of labels.
-    ///
-    /// # Errors
-    /// [`Error::NoFeatureSource`] where neither is given, and as
-    /// [`Network::load`].
-    pub fn open(networks: &[&Path], runtime: Runtime, labels: Option<&Path>) -> Result<Self> {
-        match labels {
-            Some(folder) => Ok(Self::Labels(folder.into())),
-            None if networks.is_empty() => Err(Error::NoFeatureSource),
-            None => {
-                let loaded = networks.iter().map(|path| Network::load(path, runtime));
-                Ok(Self::Networks(loaded.collect::<std::result::Result<_, _>>()?))
-            }
-        }
-    }
-}
-
-/// What a frame gives before it is localized.
-#[derive(Debug, Clone)]
-pub struct Seen {
-    /// The features.
-    pub features: Features,
-    /// The probabilities that they come from.
-    pub maps: ProbabilityMaps,
-    /// Brightness of the image, where there is one.
-    pub grey: Option<Plane>,
-    /// Time for the probabilities (networks or reading files), milliseconds.
-    pub maps_ms: f64,
-    /// Time for the features from them, milliseconds.
-    pub features_ms: f64,
 }
 
 impl Drive {
@@ -101,7 +50,7 @@ impl Drive {
     ) -> Result<Self> {
         check_range(first, last)?;
         let sequence = Sequence::open(root, name)?;
-        let camera = sequence.calibration()?.camera(CAMERA);
+        let camera = sequence.camera(CAMERA)?;
         let times_s = sequence.times_s()?;
         let folder = labels.map_or_else(|| sequence.folder().join("image_2"), Path::to_path_buf);
         let mut available = match labels {
@@ -123,16 +72,8 @@ impl Drive {
         };
         let path = labels.map_or_else(|| sequence.image_path(CAMERA, shown), Path::to_path_buf);
         check_calibration(&path, taken_px, &camera)?;
-        let seen_px = looked_at(taken_px, widest_px);
-        let stretch = |seen: usize, taken: usize| seen as f64 / taken as f64;
-        let camera = camera.stretched(stretch(seen_px.0, taken_px.0), stretch(seen_px.1, taken_px.1));
-        Ok(Self { sequence, camera, taken_px, seen_px, times_s, frames })
-    }
-
-    /// Columns and rows of the images as they are looked at.
-    pub fn seen_px(&self) -> ImageSize {
-        let (width, height) = self.seen_px;
-        ImageSize { width_px: width as f64, height_px: height as f64 }
+        let camera = ScaledCamera::new(&camera, taken_px, widest_px);
+        Ok(Self { sequence, camera, times_s, frames })
     }
 
     /// The times of the frames to localize, seconds.
@@ -154,17 +95,9 @@ impl Drive {
     /// The image of a frame as it is looked at.
     ///
     /// # Errors
-    /// As [`read_png`] and [`check_size`]: all have the size of the first.
+    /// As [`ScaledCamera::read_image`].
     pub fn image(&self, frame: usize) -> Result<RgbImage> {
-        let path = self.sequence.image_path(CAMERA, frame);
-        let image = read_png(&path)?;
-        check_size(&path, (image.width(), image.height()), self.taken_px)?;
-        Ok(image.resized(self.seen_px))
-    }
-
-    /// The label images of a frame, likewise.
-    fn labels(&self, folder: &Path, frame: usize) -> Result<ProbabilityMaps> {
-        Ok(labels::read(folder, frame, Some(self.taken_px))?.resized(self.seen_px))
+        self.camera.read_image(&self.sequence.image_path(CAMERA, frame))
     }
 
     /// What an odometer looks at: the label images of a frame, as one, where `labels`
@@ -174,7 +107,7 @@ impl Drive {
     /// As [`labels::read`] and [`Drive::image`].
     pub fn plane(&self, frame: usize, labels: Option<&Path>) -> Result<Plane> {
         Ok(match labels {
-            Some(folder) => self.labels(folder, frame)?.largest(),
+            Some(folder) => self.camera.read_labels(folder, frame)?.largest(),
             None => self.image(frame)?.grey(),
         })
     }
@@ -184,32 +117,9 @@ impl Drive {
     /// # Errors
     /// Where an image, a label or a network fails, with its sentence.
     pub fn see(&self, frame: usize, source: &Source, config: &VisionConfig) -> Result<Seen> {
-        let started = std::time::Instant::now();
-        let (maps, image) = match source {
-            // Its image is worth having, and not needed.
-            Source::Labels(folder) => {
-                let maps = self.labels(folder, frame)?;
-                (maps, self.has_image(frame).then(|| self.image(frame)).transpose()?)
-            }
-            Source::Networks(networks) => {
-                let image = self.image(frame)?;
-                (network::run_all(networks, &image)?, Some(image))
-            }
-        };
-        let maps_ms = started.elapsed().as_secs_f64() * 1e3;
-        let started = std::time::Instant::now();
-        let grey = image.map(|image| image.grey());
-        let features = crate::vision::extract(&maps, grey.as_ref(), &self.calibrated(config));
-        let features_ms = started.elapsed().as_secs_f64() * 1e3;
-        Ok(Seen { features, maps, grey, maps_ms, features_ms })
-    }
-
-    /// Writes the probabilities of a frame as label images of the size of its image.
-    ///
-    /// # Errors
-    /// As [`labels::write`].
-    pub fn write_labels(&self, folder: &Path, frame: usize, seen: &Seen) -> Result<()> {
-        Ok(labels::write(folder, frame, &seen.maps.clone().resized(self.taken_px))?)
+        // Beside label images it is worth having, and not needed.
+        let image = self.has_image(frame).then(|| self.sequence.image_path(CAMERA, frame));
+        self.camera.look(source, frame, image.as_deref(), config)
     }
 
     /// Looks at frames in their order, the next ones while `take` has one.
@@ -238,35 +148,6 @@ impl Drive {
             seen.into_iter().try_for_each(|(frame, found)| take(frame, found?))
         })
     }
-
-    /// The odometer for the images of this drive.
-    pub fn odometer(&self, config: &Config) -> VisualOdometer {
-        VisualOdometer::new(
-            &self.camera,
-            config.vision.height_over_road_m(),
-            &config.visual_odometry,
-            config.clock.soonest,
-        )
-    }
-
-    /// The odometer for its label images.
-    pub fn label_odometer(&self, config: &Config) -> VisualOdometer {
-        VisualOdometer::of_labels(
-            &self.camera,
-            config.vision.height_over_road_m(),
-            &config.visual_odometry,
-            config.clock.soonest,
-        )
-    }
-
-    /// The settings with the ground that this camera sees, where they do not
-    /// give one.
-    fn calibrated(&self, config: &VisionConfig) -> VisionConfig {
-        let mut config = config.clone();
-        let (horizon_px, focal_px, camera_height_m) = (self.camera.cy_px, self.camera.fy_px, config.camera_height_m);
-        config.lanes.ground.get_or_insert(Ground { horizon_px, focal_px, camera_height_m });
-        config
-    }
 }
 
 /// Whether a range of frames may hold any.
@@ -278,16 +159,6 @@ pub fn check_range(first: usize, last: Option<usize>) -> Result<()> {
         Some(last) => Err(Error::FirstAfterLast { first, last }),
         None => Ok(()),
     }
-}
-
-/// Columns and rows at which images of so many are looked at.
-fn looked_at(taken_px: (usize, usize), widest_px: usize) -> (usize, usize) {
-    let (width, height) = taken_px;
-    if width <= widest_px {
-        return taken_px;
-    }
-    let scale = widest_px as f64 / width as f64;
-    (widest_px, ((height as f64 * scale).round() as usize).max(1))
 }
 
 /// The frames for which some class has a file.

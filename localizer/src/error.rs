@@ -33,6 +33,37 @@ pub enum Error {
         /// The option, or the setting.
         option: &'static str,
     },
+    /// No true poses to simulate GPS from.
+    #[error("{} is missing, and without `--gps` positions are simulated from true poses; give `--gps`, or with `--truth` poses", path.display())]
+    NoTruth {
+        /// Where they would be.
+        path: PathBuf,
+    },
+    /// Images that would be written where they are read.
+    #[error("`{option}` would write over the images of {}, which are read; give another folder", folder.display())]
+    WritesOverImages {
+        /// The option.
+        option: &'static str,
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// Label images that hold hardly anything.
+    #[error(
+        "no pixel of the label images in {} is over {largest} of 255; write 255 for what is certain (masks of 0 and 1 times 255)",
+        folder.display()
+    )]
+    FaintLabels {
+        /// The folder.
+        folder: PathBuf,
+        /// The largest value of all.
+        largest: u8,
+    },
+    /// A frame without an image, which networks need.
+    #[error("frame {frame} has no image, and networks need one; give it, or label images with `--labels`")]
+    NoImage {
+        /// The frame.
+        frame: usize,
+    },
     /// A range of frames that ends before it begins.
     #[error("no frame is from {first} on and up to {last}: `--first` is after `--last`; exchange them")]
     FirstAfterLast {
@@ -57,7 +88,7 @@ pub enum Error {
     },
     /// A folder without any frame.
     #[error(
-        "{} holds no images; give a KITTI sequence with `image_2`, or with `--labels` a folder with `pole/000000.png` and the like",
+        "{} holds no images 000000.png and so on; give a KITTI sequence with `image_2`, or with `--labels` a folder with `pole/000000.png` and the like",
         folder.display()
     )]
     EmptyFolder {
@@ -140,6 +171,16 @@ pub enum Error {
         /// Its time, seconds.
         time_s: f64,
     },
+    /// Columns of odometry that are others than they are taken for.
+    #[error("{} line {line} names the columns `{found}`; give `t_s,speed_m_s,yaw_rate_rad_s`, in this order and these units", path.display())]
+    OdometryColumns {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What stands there.
+        found: String,
+    },
     /// Odometry of which no motion can be told.
     #[error("{} has fewer than two lines of `t_s,speed_m_s,yaw_rate_rad_s`, which tell no motion; give those of the drive, or leave `--odometry` out", path.display())]
     NoOdometry {
@@ -159,6 +200,57 @@ pub enum Error {
         told_s: [f64; 2],
         /// When the first and the last frame were taken, seconds.
         frames_s: [f64; 2],
+    },
+    /// A line of `localizer live` that says nothing it knows.
+    #[error(
+        "line {line} of the standard input is `{text}`; give `image T FRAME [PATH]`, `odometry T SPEED_M_S YAW_RATE_RAD_S`, \
+         or `gps T X Y Z [QX QY QZ QW]`, with finite numbers and whole frames"
+    )]
+    LiveLine {
+        /// The line, from 1.
+        line: usize,
+        /// How it begins.
+        text: String,
+    },
+    /// An image that is not later than the one before, by its number.
+    #[error(
+        "line {line} of the standard input is of frame {frame}, no later than the one before; number images as they come"
+    )]
+    LiveFrame {
+        /// The line, from 1.
+        line: usize,
+        /// The frame.
+        frame: usize,
+    },
+    /// Odometry that goes back in time.
+    #[error(
+        "line {line} of the standard input is of {time_s} s, no later than the `odometry` before; give it as it comes"
+    )]
+    LiveOdometry {
+        /// The line, from 1.
+        line: usize,
+        /// Its time, seconds.
+        time_s: f64,
+    },
+    /// Odometry of who said that there would be none.
+    #[error("line {line} of the standard input is of wheels, which were not announced; begin again with `--wheels`")]
+    LiveWheels {
+        /// The line, from 1.
+        line: usize,
+    },
+    /// The standard input cannot be read on.
+    #[error("line {line} of the standard input cannot be read ({problem}); begin again")]
+    LiveInput {
+        /// The line, from 1.
+        line: usize,
+        /// Why.
+        problem: String,
+    },
+    /// Lines that were told of as they came.
+    #[error("{lines} lines of the standard input were passed over, each told of above; see `localizer live --help`")]
+    LivePassedOver {
+        /// How many.
+        lines: usize,
     },
     /// A result file without the columns of one.
     #[error("{} is no result of `localizer run`: line {line} {problem}; give its output folder or its estimates.csv", path.display())]

@@ -2,10 +2,12 @@
 //! say, or the images themselves.
 
 mod log;
+mod running;
 
 use serde::{Deserialize, Serialize};
 
 pub use log::OdometryLog;
+pub use running::{RunningLog, WheelLines};
 
 /// Speed from which a vehicle sways as much as it ever does, m/s.
 const SWAYING_M_S: f64 = 1.0;

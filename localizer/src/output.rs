@@ -44,6 +44,11 @@ pub fn write(folder: &Path, results: &[FrameResult], numbers: Numbering) -> Resu
 }
 
 fn estimates_csv(results: &[FrameResult]) -> String {
+    std::iter::once(estimates_header()).chain(results.iter().map(estimates_row)).collect()
+}
+
+/// The first line of `estimates.csv`.
+pub fn estimates_header() -> String {
     let mut text = String::from(LEADING);
     for (i, axis) in AXES.iter().enumerate() {
         let _ = write!(text, ",sigma_{axis}_{}", if i < 3 { "m" } else { "rad" });
@@ -54,44 +59,48 @@ fn estimates_csv(results: &[FrameResult]) -> String {
         }
     }
     text.push('\n');
-    for result in results {
-        let estimate = &result.estimate;
-        let t = estimate.map_from_camera.translation.vector;
-        let q = estimate.map_from_camera.rotation.coords;
-        let _ = write!(
-            text,
-            "{},{:.6},{},{:.4},{:.4},{:.4},{:.8},{:.8},{:.8},{:.8},{},{},{},{},{:.3},{:.3},{:.3},{},{},{:.4}",
-            result.frame,
-            result.time_s,
-            estimate.status,
-            t.x,
-            t.y,
-            t.z,
-            q.x,
-            q.y,
-            q.z,
-            q.w,
-            result.features[0],
-            result.features[1],
-            result.features[2],
-            estimate.correspondences.len(),
-            estimate.residual_rms_px,
-            estimate.support,
-            estimate.margin,
-            estimate.iterations,
-            u8::from(estimate.converged),
-            estimate.time_sigma_s,
-        );
-        for sigma in estimate.sigmas() {
-            let _ = write!(text, ",{sigma:.6}");
-        }
-        for i in 0..6 {
-            for j in i..6 {
-                let _ = write!(text, ",{:.9e}", estimate.covariance[(i, j)]);
-            }
-        }
-        text.push('\n');
+    text
+}
+
+/// A frame's line of `estimates.csv`.
+pub fn estimates_row(result: &FrameResult) -> String {
+    let mut text = String::new();
+    let estimate = &result.estimate;
+    let t = estimate.map_from_camera.translation.vector;
+    let q = estimate.map_from_camera.rotation.coords;
+    let _ = write!(
+        text,
+        "{},{:.6},{},{:.4},{:.4},{:.4},{:.8},{:.8},{:.8},{:.8},{},{},{},{},{:.3},{:.3},{:.3},{},{},{:.4}",
+        result.frame,
+        result.time_s,
+        estimate.status,
+        t.x,
+        t.y,
+        t.z,
+        q.x,
+        q.y,
+        q.z,
+        q.w,
+        result.features[0],
+        result.features[1],
+        result.features[2],
+        estimate.correspondences.len(),
+        estimate.residual_rms_px,
+        estimate.support,
+        estimate.margin,
+        estimate.iterations,
+        u8::from(estimate.converged),
+        estimate.time_sigma_s,
+    );
+    for sigma in estimate.sigmas() {
+        let _ = write!(text, ",{sigma:.6}");
     }
+    for i in 0..6 {
+        for j in i..6 {
+            let _ = write!(text, ",{:.9e}", estimate.covariance[(i, j)]);
+        }
+    }
+    text.push('\n');
     text
 }
 
@@ -164,7 +173,8 @@ pub struct Timing {
     pub localize_ms: f64,
 }
 
-/// Reads `estimates.csv`.
+/// Reads `estimates.csv`. Lines that begin with `#` say of images that were not
+/// localized why, where they were answered as they came.
 ///
 /// # Errors
 /// [`common::Error::Io`], or [`Error::BadResult`] at its line.
@@ -253,7 +263,8 @@ fn rows(path: &Path, leading: &[&str]) -> Result<Vec<(usize, Vec<String>)>> {
         return Err(bad(path, 1, format!("does not begin with `{}`", leading.join(","))));
     }
     let words = |row: &str| row.split(',').map(str::to_owned).collect::<Vec<_>>();
-    let rows: Vec<(usize, Vec<String>)> = lines.enumerate().map(|(i, row)| (i + 2, words(row))).collect();
+    let told = lines.enumerate().filter(|(_, row)| !row.starts_with('#'));
+    let rows: Vec<(usize, Vec<String>)> = told.map(|(i, row)| (i + 2, words(row))).collect();
     match rows.iter().find(|(_, row)| row.len() != header.len()) {
         Some((line, row)) => Err(bad(path, *line, format!("has {} columns instead of {}", row.len(), header.len()))),
         None => Ok(rows),

@@ -91,6 +91,34 @@ impl<'a> Localizer<'a> {
             Self::Paper(tracker) => tracker.step(input),
         }
     }
+
+    /// The next frame, to which a log leads that tells the motion up to its time; none
+    /// before the first fix.
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn follow(
+        &mut self,
+        seen: &FrameFeatures,
+        gps: Option<&GpsFix>,
+        log: &OdometryLog,
+    ) -> Result<Option<FrameResult>> {
+        let started = Instant::now();
+        let since_s = self.coast(seen.time_s, log)?;
+        let odometry = since_s.and_then(|since_s| log.between(since_s, seen.time_s));
+        let input = FrameInput { time_s: seen.time_s, features: &seen.features, gps, odometry };
+        let Some(estimate) = self.step(&input)? else { return Ok(None) };
+        let features = &seen.features;
+        Ok(Some(FrameResult {
+            frame: seen.frame,
+            time_s: seen.time_s,
+            estimate,
+            features: [features.uprights(), features.lanes.len(), features.signs.len()],
+            maps_ms: seen.maps_ms,
+            features_ms: seen.features_ms,
+            localize_ms: started.elapsed().as_secs_f64() * 1e3,
+        }))
+    }
 }
 
 /// One frame of a run.
@@ -148,26 +176,6 @@ pub fn localize(
 ) -> Result<Vec<FrameResult>> {
     let odometry =
         localizer.config().map_or_else(|| odometry.clone(), |config| odometry.without_jumps(&config.odometry));
-    let mut step = |seen: &FrameFeatures| -> Result<Option<FrameResult>> {
-        let started = Instant::now();
-        let since_s = localizer.coast(seen.time_s, &odometry)?;
-        let input = FrameInput {
-            time_s: seen.time_s,
-            features: &seen.features,
-            gps: fixes.get(&seen.frame),
-            odometry: since_s.and_then(|since_s| odometry.between(since_s, seen.time_s)),
-        };
-        let Some(estimate) = localizer.step(&input)? else { return Ok(None) };
-        let features = &seen.features;
-        Ok(Some(FrameResult {
-            frame: seen.frame,
-            time_s: seen.time_s,
-            estimate,
-            features: [features.uprights(), features.lanes.len(), features.signs.len()],
-            maps_ms: seen.maps_ms,
-            features_ms: seen.features_ms,
-            localize_ms: started.elapsed().as_secs_f64() * 1e3,
-        }))
-    };
+    let mut step = |seen: &FrameFeatures| localizer.follow(seen, fixes.get(&seen.frame), &odometry);
     frames.iter().filter_map(|seen| step(seen).transpose()).collect()
 }

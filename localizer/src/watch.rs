@@ -6,9 +6,10 @@ use std::path::Path;
 use std::time::Instant;
 
 use crate::Result;
+use crate::camera::{ScaledCamera, Seen, Source};
 use crate::config::Config;
-use crate::drive::{Drive, Seen, Source};
-use crate::odometry::{OdometryConfig, OdometryLog};
+use crate::drive::Drive;
+use crate::odometry::{Odometry, OdometryConfig, OdometryLog};
 use crate::run::FrameFeatures;
 use crate::vision::Plane;
 use crate::visual_odometry::VisualOdometer;
@@ -31,6 +32,17 @@ pub struct MotionOfImages {
     pub accuracy: OdometryConfig,
 }
 
+impl MotionOfImages {
+    /// What is to be filled with what a watcher says.
+    fn of(watcher: &Watcher) -> Self {
+        Self { log: OdometryLog::default(), accuracy: watcher.accuracy }
+    }
+
+    fn push(&mut self, step: MotionStep) {
+        self.log.push(step.began_s, step.ended_s, step.mean);
+    }
+}
+
 /// What is known of the motion: what a log of wheels says, and of pitch and roll the
 /// images; all of it the images where there is none, who set how well in the settings.
 pub fn odometry(wheels: Option<OdometryLog>, images: &MotionOfImages, config: &mut Config) -> OdometryLog {
@@ -44,9 +56,7 @@ pub fn odometry(wheels: Option<OdometryLog>, images: &MotionOfImages, config: &m
     wheels.swaying_as(&images.log)
 }
 
-/// Looks at frames of a drive, in their order; `seen` is called for each. Where wheels
-/// tell the motion, label images are not asked for it: beside those, what they say of
-/// pitch and roll made poses no better.
+/// Looks at frames of a drive, in their order; `seen` is called for each.
 ///
 /// # Errors
 /// As [`Drive::see`], and what `seen` says.
@@ -58,16 +68,16 @@ pub fn watch(
     config: &Config,
     mut seen: impl FnMut(usize, &Seen) -> Result<()>,
 ) -> Result<Watched> {
-    let moves_by_images = drive.moves_by_images();
-    let is_on = config.visual_odometry.is_on && (moves_by_images || !has_wheels);
-    let mut watcher = is_on.then(|| Watcher::new(drive, !moves_by_images, config));
+    let sensors = Sensors { images: drive.moves_by_images(), wheels: has_wheels };
+    let mut watcher = Watcher::beside(&drive.camera, sensors, config);
+    let mut motion = watcher.as_ref().map(MotionOfImages::of).unwrap_or_default();
     let mut seen_frames = Vec::new();
     drive.see_all(frames, source, &config.vision, |frame, found| {
         seen(frame, &found)?;
         let time_s = drive.times_s[frame];
         let started = Instant::now();
-        if let Some(watcher) = &mut watcher {
-            watcher.look(&found, time_s);
+        if let Some(step) = watcher.as_mut().and_then(|watcher| watcher.look(&found, time_s)) {
+            motion.push(step);
         }
         seen_frames.push(FrameFeatures {
             frame,
@@ -78,7 +88,6 @@ pub fn watch(
         });
         Ok(())
     })?;
-    let motion = watcher.map(|watcher| watcher.motion).unwrap_or_default();
     Ok(Watched { frames: seen_frames, motion })
 }
 
@@ -110,52 +119,81 @@ pub fn motion(
     };
     let shown = drive.plane(first, labels)?;
     let black = Plane::zeros(shown.width(), shown.height());
-    let mut watcher = Watcher::new(drive, labels.is_some(), config);
+    let mut watcher = Watcher::new(&drive.camera, labels.is_some(), config);
+    let mut motion = MotionOfImages::of(&watcher);
     for delivery in deliveries {
-        match delivery.frame {
-            Some(frame) if !is_told(frame) => {}
+        let step = match delivery.frame {
+            Some(frame) if !is_told(frame) => None,
             Some(frame) => watcher.step(&drive.plane(frame, labels)?, delivery.time_s),
             None => watcher.step(&black, delivery.time_s),
+        };
+        if let Some(step) = step {
+            motion.push(step);
         }
     }
-    Ok(watcher.motion)
+    Ok(motion)
 }
 
-/// Looks at how the camera moves: at the images of a drive, or at its label
-/// images.
-struct Watcher {
+/// The mean motion of the camera from one image to another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MotionStep {
+    /// Time of the earlier image, seconds.
+    pub began_s: f64,
+    /// Time of the later one, seconds.
+    pub ended_s: f64,
+    /// What was seen.
+    pub mean: Odometry,
+}
+
+/// What tells how a vehicle moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sensors {
+    /// Camera images, and not label images alone.
+    pub images: bool,
+    /// Wheels and gyroscope.
+    pub wheels: bool,
+}
+
+/// Looks at how a camera moves: at its images, or at label images of them.
+pub struct Watcher {
     odometer: VisualOdometer,
     is_of_labels: bool,
-    motion: MotionOfImages,
+    /// How well it knows that.
+    pub accuracy: OdometryConfig,
 }
 
 impl Watcher {
-    fn new(drive: &Drive, is_of_labels: bool, config: &Config) -> Self {
-        let (odometer, mut accuracy) = if is_of_labels {
-            (drive.label_odometer(config), config.visual_odometry.accuracy_of_labels())
-        } else {
-            (drive.odometer(config), config.visual_odometry.accuracy)
-        };
-        accuracy.seen_from_m = config.vision.height_over_road_m();
-        let motion = MotionOfImages { log: OdometryLog::default(), accuracy };
-        Self { odometer, is_of_labels, motion }
+    /// One for what a vehicle has; none where it is switched off, and for label images
+    /// beside wheels: what they say of pitch and roll made poses no better.
+    pub fn beside(camera: &ScaledCamera, sensors: Sensors, config: &Config) -> Option<Self> {
+        let is_on = config.visual_odometry.is_on && (sensors.images || !sensors.wheels);
+        is_on.then(|| Self::new(camera, !sensors.images, config))
     }
 
-    fn look(&mut self, seen: &Seen, time_s: f64) {
+    fn new(camera: &ScaledCamera, is_of_labels: bool, config: &Config) -> Self {
+        let (odometer, mut accuracy) = if is_of_labels {
+            (camera.label_odometer(config), config.visual_odometry.accuracy_of_labels())
+        } else {
+            (camera.odometer(config), config.visual_odometry.accuracy)
+        };
+        accuracy.seen_from_m = config.vision.height_over_road_m();
+        Self { odometer, is_of_labels, accuracy }
+    }
+
+    /// What a frame of this time, seconds, says; none where it has nothing to look at,
+    /// and as [`VisualOdometer::step`].
+    pub fn look(&mut self, seen: &Seen, time_s: f64) -> Option<MotionStep> {
         let plane: Option<Cow<'_, Plane>> = if self.is_of_labels {
             Some(Cow::Owned(seen.maps.largest()))
         } else {
             seen.grey.as_ref().map(Cow::Borrowed)
         };
-        if let Some(plane) = plane {
-            self.step(&plane, time_s);
-        }
+        self.step(&*plane?, time_s)
     }
 
-    fn step(&mut self, plane: &Plane, time_s: f64) {
+    fn step(&mut self, plane: &Plane, time_s: f64) -> Option<MotionStep> {
         let before_s = self.odometer.last_s();
-        if let Some((shown, before_s)) = self.odometer.step(plane, time_s).zip(before_s) {
-            self.motion.log.push(before_s, time_s, shown);
-        }
+        let (mean, began_s) = self.odometer.step(plane, time_s).zip(before_s)?;
+        Some(MotionStep { began_s, ended_s: time_s, mean })
     }
 }

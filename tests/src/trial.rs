@@ -9,7 +9,7 @@ use common::geometry::{PinholeCamera, Pose};
 use common::kitti::Sequence;
 use common::map::SemanticMap;
 use localizer::cli::ConfigArgs;
-use localizer::cli::input::{InputArgs, simulated};
+use localizer::cli::input::{InputArgs, SourceArgs, simulated};
 use localizer::config::Config;
 use localizer::drive::Drive;
 use localizer::estimate::Status;
@@ -20,7 +20,6 @@ use localizer::odometry::OdometryLog;
 use localizer::output::Recorded;
 use localizer::projection::ImageSize;
 use localizer::run::{FrameFeatures, FrameResult, Localizer, Method, localize};
-use localizer::vision::network::Runtime;
 use localizer::watch::{self, Delivery, odometry};
 use serde::Serialize;
 
@@ -119,10 +118,7 @@ impl LookArgs {
             map: Some(map.to_path_buf()),
             kitti: Some(drive.to_path_buf()),
             sequence: "00".to_owned(),
-            pole_net: None,
-            lane_net: None,
-            runtime: Runtime::default(),
-            labels: Some(drive.join("sequences/00/labels_2")),
+            source: SourceArgs { labels: Some(drive.join("sequences/00/labels_2")), ..SourceArgs::default() },
             truth: Some(truth.to_path_buf()),
             first: 0,
             last: None,
@@ -157,7 +153,7 @@ impl LookArgs {
         let images = Images {
             root: self.input.kitti.clone().unwrap_or_default(),
             sequence: self.input.sequence.clone(),
-            labels: self.input.labels.clone(),
+            labels: self.input.source.labels.clone(),
             are_beside_wheels: wheels.is_some(),
             config: config.clone(),
         };
@@ -166,11 +162,11 @@ impl LookArgs {
         // The map as a whole, for it may be moved; `read` saw that it is given.
         let map = self.input.map.as_ref().map(common::map::read).transpose()?.unwrap_or_default();
         let truth = self.input.true_poses(&input.drive)?;
-        let fixes = simulated(&input.frames, &truth, &config, self.seed)?;
+        let fixes = simulated(input.drive.frames.iter().copied(), &truth, &config, self.seed)?;
         let odometry = odometry(wheels, &input.motion, &mut config);
         let mut frames = input.frames;
         frames.retain(|seen| seen.frame < truth.len());
-        let (camera, image) = (input.drive.camera, input.drive.seen_px());
+        let (camera, image) = (input.drive.camera.pinhole, input.drive.camera.seen_px());
         let method = Method::Robust;
         Ok(Trial { map, camera, image, frames, fixes, odometry, images, truth, config, method })
     }

@@ -29,24 +29,21 @@ impl Calibration {
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let content = text::read(path)?;
-        let entry = |key: &str| {
-            text::rows(&content)
-                .find_map(|(line, row)| {
-                    let (name, values) = row.split_once(':')?;
-                    (name.trim() == key).then_some((line, values))
-                })
-                .ok_or_else(|| Error::MissingCalibration { key: key.to_owned(), path: path.to_path_buf() })
-        };
-        let camera = |key: &str| {
-            let (line, values) = entry(key)?;
-            let values: [f64; 12] = text::numbers(path, line, values)?;
-            PinholeCamera::from_projection(&Matrix3x4::from_row_slice(&values))
-                .ok_or_else(|| Error::BadProjection { key: key.to_owned(), path: path.to_path_buf() })
-        };
+        let camera = |key: &str| camera_of(path, &content, key);
         let cameras = [camera("P0")?, camera("P1")?, camera("P2")?, camera("P3")?];
-        let (line, values) = entry("Tr")?;
+        let (line, values) = entry(path, &content, "Tr")?;
         let camera_from_velodyne = text::mounting(path, line, text::pose(path, line, values)?)?;
         Ok(Self { cameras, camera_from_velodyne })
+    }
+
+    /// Reads one camera of a `calib.txt`, which need not have more than its line: who
+    /// localizes has one camera, and no lidar.
+    ///
+    /// # Errors
+    /// As [`Self::read`], of that line.
+    pub fn read_camera(path: impl AsRef<Path>, index: usize) -> Result<PinholeCamera> {
+        let path = path.as_ref();
+        camera_of(path, &text::read(path)?, &format!("P{index}"))
     }
 
     /// Camera 0 to 3 (2 is the left colour camera).
@@ -61,6 +58,24 @@ impl Calibration {
     pub fn projections(&self) -> [Matrix3x4<f64>; 4] {
         self.cameras.map(|camera| camera.projection())
     }
+}
+
+/// The line of a key in a `calib.txt`, with its number.
+fn entry<'c>(path: &Path, content: &'c str, key: &str) -> Result<(usize, &'c str)> {
+    let of_key = |(line, row): (usize, &'c str)| {
+        let (name, values) = row.split_once(':')?;
+        (name.trim() == key).then_some((line, values))
+    };
+    let missing = || Error::MissingCalibration { key: key.to_owned(), path: path.to_path_buf() };
+    text::rows(content).find_map(of_key).ok_or_else(missing)
+}
+
+/// The camera of a key.
+fn camera_of(path: &Path, content: &str, key: &str) -> Result<PinholeCamera> {
+    let (line, values) = entry(path, content, key)?;
+    let values: [f64; 12] = text::numbers(path, line, values)?;
+    PinholeCamera::from_projection(&Matrix3x4::from_row_slice(&values))
+        .ok_or_else(|| Error::BadProjection { key: key.to_owned(), path: path.to_path_buf() })
 }
 
 /// Writes a KITTI `calib.txt`.

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::Calibration;
-use crate::geometry::Pose;
+use crate::geometry::{PinholeCamera, Pose};
 use crate::{Error, Result, atomic_file, text};
 
 /// A sequence of KITTI odometry on disk.
@@ -72,6 +72,14 @@ impl Sequence {
     /// As [`Calibration::read`].
     pub fn calibration(&self) -> Result<Calibration> {
         Calibration::read(self.folder().join("calib.txt"))
+    }
+
+    /// One camera of it.
+    ///
+    /// # Errors
+    /// As [`Calibration::read_camera`].
+    pub fn camera(&self, index: usize) -> Result<PinholeCamera> {
+        Calibration::read_camera(self.folder().join("calib.txt"), index)
     }
 
     /// The time of every frame, seconds from the first.

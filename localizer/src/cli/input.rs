@@ -7,8 +7,9 @@ use clap::Args;
 use common::geometry::Pose;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::camera::{Seen, Source};
 use crate::config::Config;
-use crate::drive::{Drive, Seen, Source};
+use crate::drive::Drive;
 use crate::gps::{self, FixFile, GpsFix, simulate};
 use crate::local_map::LocalMap;
 use crate::odometry::OdometryLog;
@@ -16,6 +17,10 @@ use crate::run::FrameFeatures;
 use crate::vision::network::Runtime;
 use crate::watch::{MotionOfImages, Watched, watch};
 use crate::{Error, Result};
+
+/// Label images without a larger value, of 255, are of another scale: masks of 0 and 1, or 16
+/// bits that hold 8.
+const FAINT: u8 = 1;
 
 /// The drive and where its features come from.
 #[derive(Debug, Clone, Args)]
@@ -29,6 +34,23 @@ pub struct InputArgs {
     /// Name of the sequence.
     #[arg(long, value_name = "NN", default_value = "04")]
     pub sequence: String,
+    /// Where its features come from.
+    #[command(flatten)]
+    pub source: SourceArgs,
+    /// True poses (KITTI rows) for the simulated GPS; default: poses/NN.txt.
+    #[arg(long, value_name = "FILE")]
+    pub truth: Option<PathBuf>,
+    /// First frame.
+    #[arg(long, value_name = "F", default_value_t = 0)]
+    pub first: usize,
+    /// Last frame; default: the last that has an image (or labels).
+    #[arg(long, value_name = "L")]
+    pub last: Option<usize>,
+}
+
+/// Where features come from.
+#[derive(Debug, Clone, Default, Args)]
+pub struct SourceArgs {
     /// Network for poles, signs and lights (.onnx).
     #[arg(long, value_name = "FILE", conflicts_with = "labels")]
     pub pole_net: Option<PathBuf>,
@@ -42,15 +64,18 @@ pub struct InputArgs {
     /// Folder with probability images made before, instead of networks.
     #[arg(long, value_name = "DIR")]
     pub labels: Option<PathBuf>,
-    /// True poses (KITTI rows) for the simulated GPS; default: poses/NN.txt.
-    #[arg(long, value_name = "FILE")]
-    pub truth: Option<PathBuf>,
-    /// First frame.
-    #[arg(long, value_name = "F", default_value_t = 0)]
-    pub first: usize,
-    /// Last frame; default: the last that has an image (or labels).
-    #[arg(long, value_name = "L")]
-    pub last: Option<usize>,
+}
+
+impl SourceArgs {
+    /// Opens it.
+    ///
+    /// # Errors
+    /// As [`Source::open`].
+    pub fn open(&self) -> Result<Source> {
+        let networks: Vec<&Path> =
+            [&self.pole_net, &self.lane_net].into_iter().flatten().map(PathBuf::as_path).collect();
+        Source::open(&networks, self.runtime, self.labels.as_deref())
+    }
 }
 
 /// A drive whose images have been looked at.
@@ -73,7 +98,7 @@ impl InputArgs {
     pub fn open_drive(&self, config: &Config) -> Result<Drive> {
         let root = super::required(self.kitti.as_ref(), "--kitti")?;
         let widest_px = config.vision.widest_px;
-        Drive::open(&root, &self.sequence, self.labels.as_deref(), self.first, self.last, widest_px)
+        Drive::open(&root, &self.sequence, self.source.labels.as_deref(), self.first, self.last, widest_px)
     }
 
     /// What a log says of wheels and gyroscope, where one is given.
@@ -94,16 +119,6 @@ impl InputArgs {
         }
     }
 
-    /// Where the features come from.
-    ///
-    /// # Errors
-    /// As [`Source::open`].
-    pub fn open_source(&self) -> Result<Source> {
-        let networks: Vec<&Path> =
-            [&self.pole_net, &self.lane_net].into_iter().flatten().map(PathBuf::as_path).collect();
-        Source::open(&networks, self.runtime, self.labels.as_deref())
-    }
-
     /// Reads the map and looks at all images, as they are asked where wheels tell the
     /// motion; `seen` is called for each frame.
     ///
@@ -116,14 +131,21 @@ impl InputArgs {
         mut seen: impl FnMut(&Drive, usize, &Seen) -> Result<()>,
     ) -> Result<Input> {
         let map = LocalMap::open(&super::required(self.map.as_ref(), "--map")?, &config.local_map)?;
-        let source = self.open_source()?;
+        let source = self.source.open()?;
         let drive = self.open_drive(config)?;
         let bar = progress(drive.frames.len(), "features");
+        let mut largest = 0;
         let watched = watch(&drive, drive.frames.iter().copied(), &source, has_wheels, config, |frame, found| {
             bar.inc(1);
+            if largest <= FAINT {
+                largest = largest.max(found.maps.largest_value());
+            }
             seen(&drive, frame, found)
         })?;
         bar.finish_and_clear();
+        if let (Source::Labels(folder), 1..=FAINT) = (&source, largest) {
+            return Err(Error::FaintLabels { folder: folder.clone(), largest });
+        }
         let Watched { frames, motion } = watched;
         Ok(Input { map, drive, frames, motion })
     }
@@ -133,10 +155,11 @@ impl InputArgs {
     /// # Errors
     /// Where they cannot be read.
     pub fn true_poses(&self, drive: &Drive) -> Result<Vec<Pose>> {
-        Ok(match &self.truth {
-            Some(path) => drive.sequence.poses_from(path)?,
-            None => drive.sequence.poses()?,
-        })
+        let Some(path) = &self.truth else {
+            let path = drive.sequence.poses_path();
+            return if path.exists() { Ok(drive.sequence.poses()?) } else { Err(Error::NoTruth { path }) };
+        };
+        Ok(drive.sequence.poses_from(path)?)
     }
 }
 
@@ -145,16 +168,13 @@ impl InputArgs {
 /// # Errors
 /// [`Error::NoStart`] where there is none.
 pub fn simulated(
-    frames: &[FrameFeatures],
+    frames: impl Iterator<Item = usize> + Clone,
     truth: &[Pose],
     config: &Config,
     seed: u64,
 ) -> Result<BTreeMap<usize, GpsFix>> {
-    let starts: Vec<(usize, Pose)> = frames
-        .iter()
-        .take(config.gps.simulated_fixes)
-        .filter_map(|seen| Some((seen.frame, *truth.get(seen.frame)?)))
-        .collect();
+    let starts: Vec<(usize, Pose)> =
+        frames.clone().take(config.gps.simulated_fixes).filter_map(|frame| Some((frame, *truth.get(frame)?))).collect();
     let poses: Vec<Pose> = starts.iter().map(|(_, pose)| *pose).collect();
     let fixes = simulate(&poses, &config.gps, seed);
     started(frames, starts.iter().map(|(frame, _)| *frame).zip(fixes).collect())
@@ -165,9 +185,9 @@ pub fn simulated(
 ///
 /// # Errors
 /// As [`gps::read`], and [`Error::NoFix`] where none lies on the frames.
-pub fn read_fixes(input: &Input, path: &Path, config: &Config) -> Result<BTreeMap<usize, GpsFix>> {
-    let FixFile { fixes, astray_lines } = gps::read(path, &input.drive.times_s, &config.gps)?;
-    let fixes = started(&input.frames, fixes).map_err(|(first, last)| Error::NoFix {
+pub fn read_fixes(drive: &Drive, path: &Path, config: &Config) -> Result<BTreeMap<usize, GpsFix>> {
+    let FixFile { fixes, astray_lines } = gps::read(path, &drive.times_s, &config.gps)?;
+    let fixes = started(drive.frames.iter().copied(), fixes).map_err(|(first, last)| Error::NoFix {
         path: path.to_path_buf(),
         first,
         last,
@@ -184,11 +204,11 @@ pub fn read_fixes(input: &Input, path: &Path, config: &Config) -> Result<BTreeMa
 
 /// The fixes, if one of them lies on the frames; else which frames these are.
 fn started(
-    frames: &[FrameFeatures],
+    frames: impl Iterator<Item = usize> + Clone,
     fixes: BTreeMap<usize, GpsFix>,
 ) -> std::result::Result<BTreeMap<usize, GpsFix>, (usize, usize)> {
-    let ends = frames.first().zip(frames.last()).map_or((0, 0), |(first, last)| (first.frame, last.frame));
-    if frames.iter().any(|seen| fixes.contains_key(&seen.frame)) { Ok(fixes) } else { Err(ends) }
+    let ends = frames.clone().next().zip(frames.clone().last()).unwrap_or((0, 0));
+    if frames.clone().any(|frame| fixes.contains_key(&frame)) { Ok(fixes) } else { Err(ends) }
 }
 
 /// A bar on a terminal, nothing elsewhere.

@@ -62,8 +62,8 @@ pub fn execute(args: &MotionArgs) -> Result<bool> {
         Drive::open(&root, &args.sequence, args.labels.as_deref(), args.first, args.last, config.vision.widest_px)?;
     let truth = args.truth.as_ref().map(|path| drive.sequence.poses_from(path)).transpose()?.unwrap_or_default();
     let mut odometer = match args.labels {
-        Some(_) => drive.label_odometer(&config),
-        None => drive.odometer(&config),
+        Some(_) => drive.camera.label_odometer(&config),
+        None => drive.camera.odometer(&config),
     };
     let mut csv = String::from("t_s,speed_m_s,yaw_rate_rad_s\n");
     let mut steps = Vec::new();

@@ -1,12 +1,13 @@
 //! `localizer run`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use nalgebra::Point2;
 
 use super::ConfigArgs;
 use super::input::{Input, InputArgs, read_fixes, simulated};
+use crate::drive::{CAMERA, Drive};
 use crate::estimate::Status;
 use crate::overlay::{self, ProjectedShape};
 use crate::preselect::{Candidates, Lookup, Reach};
@@ -54,6 +55,28 @@ pub struct RunArgs {
     config: ConfigArgs,
 }
 
+impl RunArgs {
+    /// That no image is written over one that is read.
+    ///
+    /// # Errors
+    /// [`Error::WritesOverImages`] where one would be.
+    fn check_apart(&self, drive: &Drive) -> Result<()> {
+        let images = drive.sequence.image_path(CAMERA, 0).parent().map(Path::to_path_buf);
+        let same = |written: &Path, read: &Path| {
+            let place = std::fs::canonicalize(written);
+            place.is_ok_and(|place| std::fs::canonicalize(read).is_ok_and(|read| read == place))
+        };
+        for (option, written) in [("--overlay", &self.overlay), ("--save-labels", &self.save_labels)] {
+            let read = [&images, &self.input.source.labels].into_iter().flatten();
+            let Some(written) = written else { continue };
+            if read.into_iter().any(|read| same(written, read)) {
+                return Err(Error::WritesOverImages { option, folder: written.clone() });
+            }
+        }
+        Ok(())
+    }
+}
+
 pub fn execute(args: &RunArgs) -> Result<bool> {
     let Some(mut config) = args.config.load()? else { return Ok(true) };
     let wheels = (args.odometry.is_some(), "--odometry");
@@ -64,8 +87,15 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     for folder in [Some(&out), args.save_labels.as_ref(), args.overlay.as_ref()].into_iter().flatten() {
         common::atomic_file::check_folder(folder)?;
     }
+    // What starts it is read before all images are looked at, which takes long.
+    let drive = args.input.open_drive(&config)?;
+    args.check_apart(&drive)?;
+    let fixes = match &args.gps {
+        Some(path) => read_fixes(&drive, path, &config)?,
+        None => simulated(drive.frames.iter().copied(), &args.input.true_poses(&drive)?, &config, args.gps_seed)?,
+    };
     let mut input = args.input.read(wheels.is_some(), &config, |drive, frame, seen| {
-        args.save_labels.as_ref().map_or(Ok(()), |folder| drive.write_labels(folder, frame, seen))
+        args.save_labels.as_ref().map_or(Ok(()), |folder| drive.camera.write_labels(folder, frame, seen))
     })?;
     if let Some((wheels, path)) = wheels.as_ref().zip(args.odometry.as_ref()) {
         let times_s = input.drive.frame_times_s();
@@ -75,11 +105,8 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
         }
     }
     let odometry = odometry(wheels, &input.motion, &mut config);
-    let fixes = match &args.gps {
-        Some(path) => read_fixes(&input, path, &config)?,
-        None => simulated(&input.frames, &args.input.true_poses(&input.drive)?, &config, args.gps_seed)?,
-    };
-    let localizer = Localizer::new(args.method, &mut input.map, &input.drive.camera, input.drive.seen_px(), &config);
+    let localizer =
+        Localizer::new(args.method, &mut input.map, &input.drive.camera.pinhole, input.drive.camera.seen_px(), &config);
     let results = localize(&input.frames, &fixes, &odometry, localizer)?;
     if results.is_empty() {
         // What was there stays.
@@ -144,11 +171,11 @@ fn create(folder: &PathBuf) -> Result<()> {
 
 /// The landmarks that may be seen from an estimate, in its image.
 fn shapes(input: &mut Input, config: &Config, result: &FrameResult) -> Result<Vec<ProjectedShape>> {
-    let camera = &input.drive.camera;
+    let camera = &input.drive.camera.pinhole;
     let pose = &result.estimate.map_from_camera;
     let view = View::new(camera, pose);
     input.map.next_frame()?;
-    let lookup = Lookup { map: &mut input.map, camera, image: input.drive.seen_px(), config: &config.preselect };
+    let lookup = Lookup { map: &mut input.map, camera, image: input.drive.camera.seen_px(), config: &config.preselect };
     let mut candidates = Candidates::default();
     lookup.select(pose, &Reach { position_m: 0.0, angle_rad: 0.0 }, &mut candidates)?;
     let mut shapes = Vec::new();

@@ -6,7 +6,8 @@ use clap::Args;
 
 use super::input::progress;
 use crate::Result;
-use crate::drive::{Drive, Source};
+use crate::camera::Source;
+use crate::drive::Drive;
 use crate::vision::VisionConfig;
 use crate::vision::network::Runtime;
 
@@ -48,7 +49,7 @@ pub fn execute(args: &SegmentArgs) -> Result<bool> {
     let drive = Drive::open(&args.kitti, &args.sequence, None, args.first, args.last, config.widest_px)?;
     let bar = progress(drive.frames.len(), "segment");
     drive.see_all(drive.frames.iter().copied(), &source, &config, |frame, seen| {
-        drive.write_labels(&args.out, frame, &seen)?;
+        drive.camera.write_labels(&args.out, frame, &seen)?;
         bar.inc(1);
         Ok(())
     })?;

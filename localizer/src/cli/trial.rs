@@ -89,8 +89,9 @@ fn localize_once(
     config: &Config,
     seed: u64,
 ) -> Result<Draw> {
-    let fixes = simulated(&input.frames, truth, config, seed)?;
-    let localizer = Localizer::new(method, &mut input.map, &input.drive.camera, input.drive.seen_px(), config);
+    let fixes = simulated(input.drive.frames.iter().copied(), truth, config, seed)?;
+    let localizer =
+        Localizer::new(method, &mut input.map, &input.drive.camera.pinhole, input.drive.camera.seen_px(), config);
     let results = localize(&input.frames, &fixes, odometry, localizer)?;
     let scored = results.get(START_FRAMES.min(results.len())..).unwrap_or(&[]);
     let recorded: Vec<Recorded> = scored.iter().map(Recorded::from).collect();

@@ -7,7 +7,7 @@ use super::{Odometry, OdometryConfig};
 use crate::{Error, Result};
 
 /// Gaps up to this are rounding of the times in the files, seconds.
-const ROUNDING_S: f64 = 1e-3;
+pub(super) const ROUNDING_S: f64 = 1e-3;
 
 /// What was said of the motion along a drive.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -18,36 +18,59 @@ pub struct OdometryLog {
 
 /// The mean motion over some time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Step {
+pub(super) struct Step {
     /// Seconds.
-    began_s: f64,
+    pub(super) began_s: f64,
     /// Seconds.
-    ended_s: f64,
-    mean: Odometry,
+    pub(super) ended_s: f64,
+    pub(super) mean: Odometry,
 }
 
-/// Whether a row names columns: `nan` and `inf` are numbers, which are none here.
-fn is_of_names(row: &str) -> bool {
-    let first = row.split([',', ' ', '\t']).next().unwrap_or_default();
-    first.starts_with(char::is_alphabetic) && first.parse::<f64>().is_err()
+impl Step {
+    /// Whether it comes after another, or after nothing.
+    pub(super) fn follows(&self, last: Option<&Self>) -> bool {
+        last.is_none_or(|last| last.ended_s <= self.began_s) && self.began_s < self.ended_s
+    }
+
+    /// Whether the turn rate does not jump from the step before.
+    pub(super) fn turns_on(&self, before: Option<&Self>, config: &OdometryConfig) -> bool {
+        let Some(before) = before else { return true };
+        let most_rad_s = config.most_jump_rad_s + config.hardest_rad_s2 * (self.ended_s - before.ended_s);
+        (self.mean.yaw_rate_rad_s - before.mean.yaw_rate_rad_s).abs() <= most_rad_s
+    }
 }
+
+/// Names of the columns of a log.
+const COLUMNS: [&str; 3] = ["t_s", "speed_m_s", "yaw_rate_rad_s"];
 
 impl OdometryLog {
     /// Reads lines `t_s,speed_m_s,yaw_rate_rad_s`, separated by commas or
     /// blanks, each the mean since the line before; times are those of the
-    /// sequence's `times.txt`. A first line of names and lines that begin with
+    /// sequence's `times.txt`. A first line of these names and lines that begin with
     /// `#` are skipped.
     ///
     /// # Errors
-    /// [`Error::OdometryRow`] and [`Error::OdometryTime`] at their line,
+    /// [`Error::OdometryColumns`], [`Error::OdometryRow`] and [`Error::OdometryTime`] at their line,
     /// [`Error::NoOdometry`] with fewer than two lines, and [`common::Error::Io`], [`common::Error::NotText`] or [`common::Error::BadNumber`].
     pub fn read(path: &Path) -> Result<Self> {
         let text = common::read_text(path)?;
         let mut rows: Vec<(f64, Odometry)> = Vec::new();
+        let mut is_first = true;
         for (i, row) in text.lines().map(str::trim).enumerate() {
             let line = i + 1;
-            if row.is_empty() || row.starts_with('#') || (i == 0 && is_of_names(row)) {
+            if row.is_empty() || row.starts_with('#') {
                 continue;
+            }
+            if std::mem::take(&mut is_first) && crate::gps::is_of_names(row) {
+                let names = row.split(crate::gps::SEPARATORS).filter(|name| !name.is_empty());
+                if names.map(|name| name.trim_matches('"')).eq(COLUMNS) {
+                    continue;
+                }
+                return Err(Error::OdometryColumns {
+                    path: path.to_path_buf(),
+                    line,
+                    found: row.chars().take(80).collect(),
+                });
             }
             let values = crate::gps::numbers(path, line, row)?;
             let &[time_s, speed_m_s, yaw_rate_rad_s] = values.as_slice() else {
@@ -77,9 +100,21 @@ impl OdometryLog {
     /// Adds the mean motion from one time to another, seconds, after all that
     /// the log has; what goes back in time is left out.
     pub fn push(&mut self, began_s: f64, ended_s: f64, mean: Odometry) {
-        if self.steps.last().is_none_or(|last| last.ended_s <= began_s) && began_s < ended_s {
-            self.steps.push(Step { began_s, ended_s, mean });
+        let step = Step { began_s, ended_s, mean };
+        if step.follows(self.steps.last()) {
+            self.steps.push(step);
         }
+    }
+
+    /// Forgets the steps that ended until a time, seconds.
+    pub fn forget(&mut self, until_s: f64) {
+        let first = self.steps.partition_point(|step| step.ended_s <= until_s);
+        self.steps.drain(..first);
+    }
+
+    /// Steps that it holds.
+    pub fn len(&self) -> usize {
+        self.steps.len()
     }
 
     /// The same with gaps where the turn rate jumps: the mean over a jump is that of
@@ -87,12 +122,8 @@ impl OdometryLog {
     #[must_use]
     pub fn without_jumps(&self, config: &OdometryConfig) -> Self {
         let before = std::iter::once(None).chain(self.steps.iter().map(Some));
-        let turns_on = |(before, step): &(Option<&Step>, &Step)| {
-            let Some(before) = before else { return true };
-            let most_rad_s = config.most_jump_rad_s + config.hardest_rad_s2 * (step.ended_s - before.ended_s);
-            (step.mean.yaw_rate_rad_s - before.mean.yaw_rate_rad_s).abs() <= most_rad_s
-        };
-        Self { steps: before.zip(&self.steps).filter(turns_on).map(|(_, step)| *step).collect() }
+        let turning_on = before.zip(&self.steps).filter(|(before, step)| step.turns_on(*before, config));
+        Self { steps: turning_on.map(|(_, step)| *step).collect() }
     }
 
     /// The same with another motion in each step, told by the time at which it ended,

@@ -11,7 +11,7 @@ pub enum Error {
     #[error(transparent)]
     Common(#[from] common::Error),
     /// A PNG that cannot be decoded or encoded.
-    #[error("{}: {source}; give an intact PNG image", path.display())]
+    #[error("{}: {}; give an intact PNG image", path.display(), source.to_string().trim_end_matches('.'))]
     Decode {
         /// The image.
         path: PathBuf,

@@ -143,6 +143,11 @@ impl ProbabilityMaps {
         largest
     }
 
+    /// The largest of all.
+    pub fn largest_value(&self) -> u8 {
+        self.planes.iter().flat_map(Plane::data).copied().max().unwrap_or(0)
+    }
+
     /// The same for an image of another size, pixels.
     #[must_use]
     pub fn resized(self, size: (usize, usize)) -> Self {

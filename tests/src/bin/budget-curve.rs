@@ -115,7 +115,7 @@ fn look(map: &Path, root: &Path, arguments: &Arguments) -> LookArgs {
     let truth = or(&arguments.truth, root.join("truth/poses.txt"));
     let mut look = LookArgs::of_labels(root, map, &truth, None);
     look.input.sequence.clone_from(&arguments.sequence);
-    look.input.labels = Some(labels);
+    look.input.source.labels = Some(labels);
     look
 }
 

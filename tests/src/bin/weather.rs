@@ -30,7 +30,8 @@ fn run(arguments: &Arguments) -> Outcome {
     let TrialArgs { look, json, list } = &arguments.of;
     let Some(config) = look.config.load()? else { return Ok(()) };
     let input = &look.input;
-    if input.labels.is_some() || (input.pole_net.is_none() && input.lane_net.is_none()) {
+    let source = &input.source;
+    if source.labels.is_some() || (source.pole_net.is_none() && source.lane_net.is_none()) {
         return Err(
             "networks have to look at the spoilt images; give `--pole-net` and `--lane-net`, no `--labels`".into()
         );

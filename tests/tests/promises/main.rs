@@ -16,6 +16,7 @@ mod demo;
 mod determinism;
 mod exports;
 mod inputs;
+mod live;
 mod map_from_scans;
 mod measured_streets;
 mod merged_maps;

@@ -1,7 +1,8 @@
 //! The images tell how the camera moved.
 
+use localizer::camera::Source;
 use localizer::config::Config;
-use localizer::drive::{Drive, Source};
+use localizer::drive::Drive;
 use localizer::watch::{Delivery, motion, watch};
 
 use crate::support::{run, text};

@@ -6,7 +6,8 @@ use common::geometry::{PinholeCamera, Pose};
 use common::kitti;
 use common::map::{SemanticMap, read};
 use common::trajectory::Trajectory;
-use localizer::drive::{Drive, Source};
+use localizer::camera::Source;
+use localizer::drive::Drive;
 use localizer::features::Features;
 use localizer::vision::{ProbabilityMaps, VisionConfig};
 use nalgebra::{Point2, Point3};
@@ -63,7 +64,7 @@ impl Side {
         let stamp = self.trajectory.at_frame(frame).ok_or(format!("the trajectory has no pose for frame {frame}"))?;
         let calibration = self.drive.sequence.calibration().map_err(|e| e.to_string())?;
         let scan = kitti::read_scan(self.drive.sequence.scan_path(frame), 120.0).map_err(|e| e.to_string())?;
-        let camera = self.drive.camera;
+        let camera = self.drive.camera.pinhole;
         let mut depths = Depths::new(seen.maps.width(), seen.maps.height());
         for point in &scan.points {
             let in_velodyne = Point3::new(f64::from(point.x_m), f64::from(point.y_m), f64::from(point.z_m));

@@ -8,7 +8,7 @@ use nalgebra::{Translation3, Vector3};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::input::{Deskew, Source, Steps};
+use crate::input::{Deskew, Source, Steps, assumed_times_s};
 use crate::lidar::LidarConfig;
 use crate::scan::LidarScan;
 
@@ -167,6 +167,12 @@ impl Drive {
     pub fn span(&self) -> (usize, usize) {
         let ends = self.frames.first().zip(self.frames.last());
         ends.map_or((0, 0), |(a, b)| (*a, *b))
+    }
+
+    /// Whether times came with the drive: those that are made up where it has none say nothing
+    /// of how fast the vehicle was.
+    pub fn has_times(&self) -> bool {
+        self.times_s != assumed_times_s(self.times_s.len())
     }
 
     /// Name of the drive, for people.

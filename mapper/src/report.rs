@@ -29,6 +29,10 @@ pub struct BuildReport {
     pub scans: ScanCounts,
     /// What the refinement of the poses estimated and what it gave.
     pub registration: register::Report,
+    /// Steps of the survey that the vehicle did not make; none in reports of versions that did
+    /// not ask.
+    #[serde(default)]
+    pub survey_jumps: Vec<register::SurveyJump>,
     /// How well each landmark is known, in the order in which the map's file
     /// is decoded.
     #[serde(default)]
@@ -175,6 +179,7 @@ mod tests {
             frames: 11,
             scans,
             registration: register::Report { vertical_angle_rad: 0.1, ..register::Report::default() },
+            survey_jumps: Vec::new(),
             evidence: MapEvidence::default(),
             config: settings(Path::new("04.csm"), &Config::default()).unwrap(),
         }

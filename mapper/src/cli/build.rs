@@ -176,6 +176,7 @@ impl Build {
             frames: drive.survey.len(),
             scans,
             registration: registration.report,
+            survey_jumps: registration.jumps,
             evidence,
             config: settings(out, config)?,
         };

@@ -34,6 +34,7 @@ pub use self::raw::open_raw;
 pub use self::scans::{ScanInput, open_scans};
 pub use self::stitched::open_stitched;
 pub use self::survey::SurveyFrame;
+pub(crate) use self::survey::assumed_times_s;
 use crate::error::Result;
 use crate::lidar::LidarConfig;
 

@@ -48,6 +48,11 @@ impl Sequence {
 
     /// `ROOT/sequences/NN/times.txt`.
     pub fn times_path(&self) -> PathBuf {
+    /// `ROOT/sequences/NN/calib.txt`.
+    pub fn calibration_path(&self) -> PathBuf {
+        self.folder().join("calib.txt")
+    }
+
         self.folder().join("times.txt")
     }
 

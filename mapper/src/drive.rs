@@ -8,7 +8,7 @@ use nalgebra::{Translation3, Vector3};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::input::{Deskew, Source, Steps, assumed_times_s};
+use crate::input::{Deskew, MapFrame, Source, Steps, assumed_times_s};
 use crate::lidar::LidarConfig;
 use crate::scan::LidarScan;
 
@@ -44,6 +44,8 @@ pub struct Drive {
     /// How far apart the points are that are put into the order of the beams; none where they
     /// are in it, or the source sees to it.
     unordered: Option<Steps>,
+    /// What places its map in the world.
+    pub frame: MapFrame,
     /// What the reader of the input wants people to know.
     pub notes: Vec<String>,
 }
@@ -182,6 +184,8 @@ impl Drive {
 
     /// Whether a scan is what the lidar saw from one place: what is compared
     /// between scans (their registration, what moved) means nothing otherwise.
+            // What else it is, who opened the drive says.
+            frame: MapFrame::of_first_camera(None),
     pub fn has_single_scans(&self) -> bool {
         !matches!(self.source, Source::Stitched(_))
     }

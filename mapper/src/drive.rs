@@ -3,7 +3,7 @@
 use std::path::{Path as FilePath, PathBuf};
 
 use common::geometry::{Pose, Tangent, local};
-use common::kitti::{Scan, Sequence};
+use common::kitti::{Calibration, Scan, Sequence};
 use nalgebra::{Translation3, Vector3};
 use rayon::prelude::*;
 
@@ -119,7 +119,7 @@ impl Drive {
             map_from_camera: sequence.poses_from(&path)?,
             path,
             times_s: sequence.times_s()?,
-            camera_from_velodyne: sequence.calibration()?.camera_from_velodyne,
+            camera_from_velodyne: Calibration::read_camera_from_velodyne(sequence.calibration_path())?,
             camera_is_thought: false,
         };
         let scans = sequence.scan_frames()?;

@@ -55,7 +55,7 @@ impl Placement {
     /// `reduced_by_m`, it depends on the first pose.
     ///
     /// # Errors
-    /// As [`Calibration::read`].
+    /// As [`Calibration::read_camera_from_velodyne`].
     pub fn new(
         frame: SurveyFrame,
         calibration: Option<&Path>,
@@ -63,7 +63,7 @@ impl Placement {
         reduced_by_m: Option<Vector3<f64>>,
     ) -> Result<Self> {
         let camera_from_velodyne = match calibration {
-            Some(path) => Calibration::read(path)?.camera_from_velodyne,
+            Some(path) => Calibration::read_camera_from_velodyne(path)?,
             None => Pose::from_parts(Vector3::zeros().into(), map_from_world()),
         };
         let at = first.map_or_else(Vector3::zeros, |pose| pose.translation.vector);

@@ -321,6 +321,17 @@ pub enum Error {
         /// Number of roads.
         roads: usize,
     },
+    /// A map too large to look from every place of it.
+    #[error(
+        "the map's roads and lines are {length_m:.1e} m long (at most {longest_m:.0e} m is accepted): \
+         build the map again, or give parts of it"
+    )]
+    TooLong {
+        /// Length of its roads and lines, metres.
+        length_m: f64,
+        /// The largest that is accepted, metres.
+        longest_m: f64,
+    },
     /// A result that has no JSON form.
     #[error("the result cannot be printed as JSON: {0}")]
     Json(serde_json::Error),

@@ -200,7 +200,13 @@ fn localize(root: &Path, more: &[&str]) -> Ran {
 #[cfg(target_os = "linux")]
 #[test]
 fn an_output_that_takes_nothing() {
-    for (program, words) in [("fixtures", "worlds"), ("localizer", "run --print-config")] {
+    for (program, words) in [
+        ("fixtures", "worlds"),
+        ("localizer", "run --print-config"),
+        ("mapper", "--help"),
+        ("mapper", "build --help"),
+        ("fixtures", "--version"),
+    ] {
         let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         crate::support::run_into(full, program, &words.split(' ').collect::<Vec<_>>())
             .refused(&["could not be written", "room"]);

@@ -82,10 +82,9 @@ pub fn build(
     check_survey(drive, &config.roads)?;
     let registration = match poses {
         PoseSource::Refine => refine(drive, &config.refine)?,
-        PoseSource::Given => Registration {
-            jumps: jumps_by_times(drive, &config.refine.jumps),
-            ..Registration::given(&drive.survey)
-        },
+        PoseSource::Given => {
+            Registration { jumps: jumps_by_times(drive, &config.refine.jumps), ..Registration::given(&drive.survey) }
+        }
     };
     let poses = &registration.map_from_camera;
     let (first, last) = drive.span();

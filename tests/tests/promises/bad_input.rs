@@ -108,12 +108,6 @@ fn an_unknown_config_key() {
 }
 
 #[test]
-fn frames_without_a_scan() {
-    let root = plain();
-    build_of(root.path(), &["--first", "2"]).refused(&["velodyne", "no scan"]);
-}
-
-#[test]
 fn a_folder_that_does_not_exist() {
     let root = plain();
     let map = root.path().join("maps/04.csm");

@@ -19,7 +19,7 @@ use crate::{Error, Result};
 ///
 /// # Errors
 /// [`Error::MissingFolder`] where the folder of `path` does not exist (it is
-/// not created), [`Error::Io`] where the operating system refuses. Then
+/// not created), [`Error::ClosedFolder`] where it takes no file, [`Error::Io`] where the operating system refuses. Then
 /// `path` is as it was.
 pub fn write(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     let path = path.as_ref();
@@ -89,17 +89,21 @@ pub fn stage_with<E: From<Error>>(
 ) -> std::result::Result<Staged, E> {
     let path = path.as_ref();
     let (target, folder) = (target(path), existing_folder(path)?);
-    let mut file = tempfile::Builder::new()
-        .prefix(".waymark-")
-        .permissions_of_new_files()
-        .tempfile_in(folder)
-        .map_err(Error::io(path))?;
+    let mut file = temporary_file(path, &folder)?;
     let mut buffered = BufWriter::with_capacity(1 << 16, file.as_file_mut());
     content(&mut buffered)?;
     buffered.flush().map_err(Error::io(path))?;
     drop(buffered);
     file.as_file().sync_all().map_err(Error::io(path))?;
     Ok(Staged { path: path.to_path_buf(), file, target })
+}
+
+/// A file without its name, in the folder that `path` will be in.
+fn temporary_file(path: &Path, folder: &Path) -> Result<NamedTempFile> {
+    let file = tempfile::Builder::new().prefix(".waymark-").permissions_of_new_files().tempfile_in(folder);
+    // What is said of it would name the temporary file.
+    let closed = |why| Error::ClosedFolder { path: path.to_path_buf(), folder: folder.to_path_buf(), why };
+    file.map_err(|error| closed(error.kind()))
 }
 
 impl Staged {
@@ -176,15 +180,20 @@ fn existing_folder(path: &Path) -> Result<PathBuf> {
 }
 
 /// Whether a file can be put under a name, as far as folders go: to be asked before long
-/// work, where it would be found out at the end.
+/// work, where it would be found out at the end. A file without a name is put there and
+/// taken away: whether a folder takes one, its permissions do not say.
 ///
 /// # Errors
 /// [`Error::MissingFolder`] where the folder of `path` does not exist,
-/// [`Error::IsAFolder`] where `path` is one.
+/// [`Error::IsAFolder`] where `path` is one, [`Error::ClosedFolder`] where the folder
+/// takes no file.
 pub fn check(path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
-    existing_folder(path)?;
-    if path.is_dir() { Err(Error::IsAFolder { path: path.to_path_buf() }) } else { Ok(()) }
+    let folder = existing_folder(path)?;
+    if path.is_dir() {
+        return Err(Error::IsAFolder { path: path.to_path_buf() });
+    }
+    temporary_file(path, &folder).map(drop)
 }
 
 /// The same of a folder that is created with those that hold it.
@@ -318,6 +327,16 @@ mod tests {
         assert!(matches!(check(folder.path()), Err(Error::IsAFolder { .. })));
         assert!(matches!(check(at("new/one")), Err(Error::MissingFolder { .. })));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_that_takes_no_file_is_found_before_anything_is_written() {
+        let path = Path::new("/proc/map.csm");
+        for said in [check(path), write(path, b"")].map(|failed| failed.unwrap_err().to_string()) {
+            assert!(said.starts_with("/proc/map.csm cannot be written: the folder /proc takes no file ("), "{said}");
+            assert!(!said.contains(".waymark-") && said.ends_with("); make it writable, or give another"), "{said}");
+        }
     }
 
     #[cfg(unix)]

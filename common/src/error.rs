@@ -27,6 +27,16 @@ pub enum Error {
         /// The folder that is missing.
         folder: PathBuf,
     },
+    /// The folder of a file to be written takes none.
+    #[error("{} cannot be written: the folder {} takes no file ({}); make it writable, or give another", path.display(), folder.display(), why)]
+    ClosedFolder {
+        /// The file to be written.
+        path: PathBuf,
+        /// The folder that it would be in.
+        folder: PathBuf,
+        /// What the operating system says.
+        why: io::ErrorKind,
+    },
     /// A pipe or the like where more is done with a file than to read it once.
     #[error("{} is no file, and it is read more than once; save it as one first", path.display())]
     NoFile {

@@ -13,7 +13,7 @@ use crate::lanes::{LanePiece, Paint, find_side_lines, kerbs_along, lines_along};
 use crate::passes::Passes;
 use crate::path::Way;
 use crate::poles::{FittedPole, find_poles};
-use crate::register::{Registration, refine};
+use crate::register::{Registration, jumps_by_times, refine};
 use crate::roads::{RoadConfig, Stretch, road, stretches};
 use crate::signs::{find_signs, name_posts};
 
@@ -82,7 +82,9 @@ pub fn build(
     check_survey(drive, &config.roads)?;
     let registration = match poses {
         PoseSource::Refine => refine(drive, &config.refine)?,
-        PoseSource::Given => Registration::given(&drive.survey),
+        PoseSource::Given => {
+            Registration { jumps: jumps_by_times(drive, &config.refine.jumps), ..Registration::given(&drive.survey) }
+        }
     };
     let poses = &registration.map_from_camera;
     let (first, last) = drive.span();

@@ -3,12 +3,12 @@
 use std::path::{Path as FilePath, PathBuf};
 
 use common::geometry::{Pose, Tangent, local};
-use common::kitti::{Scan, Sequence};
+use common::kitti::{Calibration, Scan, Sequence};
 use nalgebra::{Translation3, Vector3};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::input::{Deskew, Source, Steps};
+use crate::input::{Deskew, MapFrame, Source, Steps, assumed_times_s};
 use crate::lidar::LidarConfig;
 use crate::scan::LidarScan;
 
@@ -44,6 +44,8 @@ pub struct Drive {
     /// How far apart the points are that are put into the order of the beams; none where they
     /// are in it, or the source sees to it.
     unordered: Option<Steps>,
+    /// What places its map in the world.
+    pub frame: MapFrame,
     /// What the reader of the input wants people to know.
     pub notes: Vec<String>,
 }
@@ -71,15 +73,37 @@ impl Choice {
     fn gaps(&self, chosen: &[usize]) -> Option<String> {
         let (first, last) = (*chosen.first()?, *chosen.last()?);
         let wanted = (first..=last).step_by(self.every.max(1));
-        let missing: Vec<String> = wanted.filter(|f| chosen.binary_search(f).is_err()).map(|f| f.to_string()).collect();
-        let (shown, rest) = missing.split_at(missing.len().min(MOST_NAMED));
-        let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
-        (!missing.is_empty())
-            .then(|| format!("no scan of frames {}{more}, which were to be stitched", shown.join(", ")))
+        let missing: Vec<usize> = wanted.filter(|f| chosen.binary_search(f).is_err()).collect();
+        (!missing.is_empty()).then(|| format!("no scan of frames {}, which were to be stitched", listed(&missing)))
     }
 }
 
-/// Most missing frames that are named.
+/// Frames in words; of many the first.
+fn listed(frames: &[usize]) -> String {
+    let (shown, rest) = frames.split_at(frames.len().min(MOST_NAMED));
+    let shown: Vec<String> = shown.iter().map(ToString::to_string).collect();
+    let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
+    shown.join(", ") + &more
+}
+
+/// Why no scan is chosen of a folder with scans of the frames `scans`; `first` is the file that
+/// that of frame 0 would be.
+fn none_chosen(folder: PathBuf, first: &FilePath, scans: &[usize], every: usize) -> Error {
+    if !scans.is_empty() {
+        return Error::NoScanChosen { folder, every, there: listed(scans) };
+    }
+    let name = |path: &FilePath| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let wanted = name(first);
+    let entries = std::fs::read_dir(&folder).into_iter().flatten().flatten();
+    let mut others: Vec<String> = entries.map(|entry| name(&entry.path())).collect();
+    others.sort();
+    match others.first() {
+        Some(other) => Error::OtherFiles { folder, wanted, count: others.len(), other: other.clone() },
+        None => Error::EmptyFolder { folder, wanted },
+    }
+}
+
+/// Most frames that are named.
 const MOST_NAMED: usize = 8;
 
 /// The survey of a drive.
@@ -102,7 +126,7 @@ impl Drive {
     /// have a scan, of those from `first` to `last`.
     ///
     /// # Errors
-    /// What the sequence lacks, and [`Error::NoScans`] where no frame is left.
+    /// What the sequence lacks, and as [`Self::new`].
     pub fn open(
         root: &FilePath,
         sequence: &str,
@@ -117,7 +141,7 @@ impl Drive {
             map_from_camera: sequence.poses_from(&path)?,
             path,
             times_s: sequence.times_s()?,
-            camera_from_velodyne: sequence.calibration()?.camera_from_velodyne,
+            camera_from_velodyne: Calibration::read_camera_from_velodyne(sequence.calibration_path())?,
             camera_is_thought: false,
         };
         let scans = sequence.scan_frames()?;
@@ -128,8 +152,8 @@ impl Drive {
     /// The drive of a source that has scans of the frames `scans`.
     ///
     /// # Errors
-    /// [`Error::NoScans`] where none of them is chosen,
-    /// [`Error::FrameWithoutPose`] where the survey does not reach one.
+    /// [`Error::NoScanChosen`] where none of them is chosen, [`Error::EmptyFolder`] or
+    /// [`Error::OtherFiles`] where there is none, [`Error::FrameWithoutPose`] where the survey does not reach one.
     pub(crate) fn new(
         source: Source,
         scans: &[usize],
@@ -143,7 +167,7 @@ impl Drive {
             return Err(Error::FrameWithoutPose { path: source.scan_path(frame), poses });
         }
         if frames.is_empty() {
-            return Err(Error::NoScans { folder: source.folder(), every: choice.every });
+            return Err(none_chosen(source.folder(), &source.scan_path(0), scans, choice.every));
         }
         let Survey { path, map_from_camera, times_s, camera_from_velodyne, camera_is_thought } = survey;
         Ok(Self {
@@ -160,6 +184,8 @@ impl Drive {
             camera_is_thought,
             full_scale: None,
             unordered: None,
+            // What else it is, who opened the drive says.
+            frame: MapFrame::of_first_camera(None),
         })
     }
 
@@ -167,6 +193,12 @@ impl Drive {
     pub fn span(&self) -> (usize, usize) {
         let ends = self.frames.first().zip(self.frames.last());
         ends.map_or((0, 0), |(a, b)| (*a, *b))
+    }
+
+    /// Whether times came with the drive: those that are made up where it has none say nothing
+    /// of how fast the vehicle was.
+    pub fn has_times(&self) -> bool {
+        self.times_s != assumed_times_s(self.times_s.len())
     }
 
     /// Name of the drive, for people.

@@ -23,6 +23,42 @@ pub enum Error {
         /// Stride of the frames.
         every: usize,
     },
+    /// Scans of other frames than those that are stitched.
+    #[error(
+        "{} holds no scan to stitch with --every {every}, --first and --last: its scans are of frames {there}; change these options",
+        folder.display()
+    )]
+    NoScanChosen {
+        /// Where the scans lie.
+        folder: PathBuf,
+        /// Stride of the frames.
+        every: usize,
+        /// The frames that have a scan.
+        there: String,
+    },
+    /// A folder without scans that holds something else.
+    #[error(
+        "{} holds no scan such as {wanted}, but {count} files such as {other}; give a drive with scans of KITTI's form (of its raw recordings a `_sync` one)",
+        folder.display()
+    )]
+    OtherFiles {
+        /// Where the scans should lie.
+        folder: PathBuf,
+        /// A name that scans have.
+        wanted: String,
+        /// Files and folders that are there.
+        count: usize,
+        /// The first of them.
+        other: String,
+    },
+    /// A folder without scans.
+    #[error("{} is empty; put scans such as {wanted} there", folder.display())]
+    EmptyFolder {
+        /// Where the scans should lie.
+        folder: PathBuf,
+        /// A name that scans have.
+        wanted: String,
+    },
     /// A scan of a frame that the poses do not reach.
     #[error(
         "{} has no pose, for the pose file ends after {poses} rows: give the poses of the whole drive or use --last",
@@ -284,6 +320,17 @@ pub enum Error {
         least_bytes: usize,
         /// Number of roads.
         roads: usize,
+    },
+    /// A map too large to look from every place of it.
+    #[error(
+        "the map's roads and lines are {length_m:.1e} m long (at most {longest_m:.0e} m is accepted): \
+         build the map again, or give parts of it"
+    )]
+    TooLong {
+        /// Length of its roads and lines, metres.
+        length_m: f64,
+        /// The largest that is accepted, metres.
+        longest_m: f64,
     },
     /// A result that has no JSON form.
     #[error("the result cannot be printed as JSON: {0}")]

@@ -7,6 +7,7 @@ use common::map::{LaneKind, PoleKind, SectionSize, SemanticMap, SignKind, decode
 use serde::Serialize;
 
 use crate::error::Result;
+use crate::register::jumps_text;
 use crate::report::{BuildReport, read_beside};
 
 /// What is in a map file, and how it was built if its report lies beside it.
@@ -170,6 +171,9 @@ pub fn build_text(build: &BuildReport) -> String {
                 );
             }
         }
+    }
+    for line in jumps_text(&build.survey_jumps) {
+        let _ = writeln!(out, "{line}");
     }
     out
 }

@@ -10,6 +10,7 @@ use crate::cloud::StitchedScan;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::evidence::MapEvidence;
+use crate::input::MapFrame;
 use crate::register;
 
 /// What a build did. It depends on the input and the settings only, so the
@@ -25,10 +26,17 @@ pub struct BuildReport {
     pub poses: PoseSource,
     /// Frames of the drive, stitched or not.
     pub frames: usize,
+    /// What places the map in the world; none in reports of versions that did not keep it.
+    #[serde(default)]
+    pub frame: Option<MapFrame>,
     /// The scans that were stitched.
     pub scans: ScanCounts,
     /// What the refinement of the poses estimated and what it gave.
     pub registration: register::Report,
+    /// Steps of the survey that the vehicle did not make; none in reports of versions that did
+    /// not ask.
+    #[serde(default)]
+    pub survey_jumps: Vec<register::SurveyJump>,
     /// How well each landmark is known, in the order in which the map's file
     /// is decoded.
     #[serde(default)]
@@ -173,8 +181,10 @@ mod tests {
             map_crc32c: checksum(map_bytes),
             poses: PoseSource::Refine,
             frames: 11,
+            frame: None,
             scans,
             registration: register::Report { vertical_angle_rad: 0.1, ..register::Report::default() },
+            survey_jumps: Vec::new(),
             evidence: MapEvidence::default(),
             config: settings(Path::new("04.csm"), &Config::default()).unwrap(),
         }

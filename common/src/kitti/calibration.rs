@@ -54,6 +54,24 @@ impl Calibration {
         self.cameras[index]
     }
 
+    /// Reads `Tr` alone of a KITTI `calib.txt` (`camera_from_velodyne`): who needs no image
+    /// needs no projection.
+    ///
+    /// # Errors
+    /// Of `Tr` as [`Self::read`].
+    pub fn read_camera_from_velodyne(path: impl AsRef<Path>) -> Result<Pose> {
+        let path = path.as_ref();
+        let content = text::read(path)?;
+        let is_tr = |(line, row)| {
+            let (name, values): (&str, &str) = str::split_once(row, ':')?;
+            (name.trim() == "Tr").then_some((line, values))
+        };
+        let (line, values) = text::rows(&content)
+            .find_map(is_tr)
+            .ok_or_else(|| Error::MissingCalibration { key: "Tr".to_owned(), path: path.to_path_buf() })?;
+        text::mounting(path, line, text::pose(path, line, values)?)
+    }
+
     /// The projection matrices `P0` to `P3`: reference camera (m) to image (px).
     pub fn projections(&self) -> [Matrix3x4<f64>; 4] {
         self.cameras.map(|camera| camera.projection())
@@ -134,6 +152,19 @@ Tr: 0 -1 0 0.01 0 0 -1 -0.08 1 0 0 -0.27
         }
         let difference = calibration.camera_from_velodyne.inverse() * back.camera_from_velodyne;
         assert!(difference.translation.vector.norm() + difference.rotation.angle() < 1e-9);
+    }
+
+    #[test]
+    fn the_place_of_the_lidar_needs_no_projection() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("calib.txt");
+        let only = |keys: &[&str]| {
+            let lines: Vec<&str> = CALIB.lines().filter(|line| keys.iter().any(|key| line.starts_with(key))).collect();
+            std::fs::write(&path, lines.join("\n")).unwrap();
+            Calibration::read_camera_from_velodyne(&path)
+        };
+        assert_eq!(only(&["P2", "Tr"]).unwrap(), read(CALIB).unwrap().camera_from_velodyne);
+        assert!(matches!(only(&["P2"]), Err(Error::MissingCalibration { key, .. }) if key == "Tr"));
     }
 
     #[test]

@@ -18,6 +18,9 @@ pub struct RawDrive {
     calibration: PathBuf,
 }
 
+/// The calibration of a day.
+const CALIBRATION_FILES: [&str; 3] = ["calib_velo_to_cam.txt", "calib_imu_to_velo.txt", "calib_cam_to_cam.txt"];
+
 /// The survey of a raw drive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RawSurvey {
@@ -46,6 +49,19 @@ impl RawDrive {
         let beside = folder.canonicalize().ok().and_then(|f| f.parent().map(Path::to_path_buf));
         let calibration = calibration.map(Path::to_path_buf).or(beside).unwrap_or_else(|| folder.join(".."));
         Ok(Self { folder, calibration })
+    }
+
+    /// The files that a drive is read from, but for its scans: the calibration of the day, the
+    /// stamps and those of the packets that are there.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let data = std::fs::read_dir(self.folder.join("oxts/data")).into_iter().flatten().flatten();
+        let packets = data.map(|entry| entry.path());
+        CALIBRATION_FILES
+            .map(|name| self.calibration.join(name))
+            .into_iter()
+            .chain([self.folder.join("oxts/timestamps.txt")])
+            .chain(packets)
+            .collect()
     }
 
     /// Its name, such as `2011_09_30_drive_0016_sync`.
@@ -200,6 +216,8 @@ mod tests {
         assert_eq!((drive.name().as_str(), drive.scan_frames().unwrap()), ("d_sync", vec![0, 2]));
         let times = drive.times_s().unwrap();
         assert!((times[1] - 0.1).abs() < 1e-9 && (times[2] - 0.2).abs() < 1e-9, "{times:?}");
+        let files = drive.files();
+        assert!(files.len() == 7 && files.iter().all(|file| file.is_file()), "{files:?}");
         let survey = drive.survey(3).unwrap();
         // Due east with a yaw of 0: straight ahead, z.
         let ahead = survey.map_from_camera[2].translation.vector;

@@ -27,6 +27,8 @@ impl Sequence {
         if !sequences.is_dir() {
             return Err(Error::NotKitti { root });
         }
+        // Shells complete the name of a folder with one.
+        let name = name.trim_end_matches(std::path::is_separator);
         // A name, not a path: `..` or an empty one would open something else.
         let is_name = Path::new(name).components().count() == 1 && !name.starts_with('.');
         if !is_name || !sequences.join(name).is_dir() {
@@ -44,6 +46,11 @@ impl Sequence {
     /// `ROOT/sequences/NN`.
     pub fn folder(&self) -> PathBuf {
         self.root.join("sequences").join(&self.name)
+    }
+
+    /// `ROOT/sequences/NN/calib.txt`.
+    pub fn calibration_path(&self) -> PathBuf {
+        self.folder().join("calib.txt")
     }
 
     /// `ROOT/sequences/NN/times.txt`.
@@ -249,10 +256,11 @@ mod tests {
     #[test]
     fn a_missing_sequence_says_which_ones_are_there() {
         let root = root();
-        for name in ["05", "..", "", "04/velodyne"] {
+        for name in ["05", "..", "", "/", "04/velodyne"] {
             let error = Sequence::open(root.path(), name).unwrap_err();
             assert!(error.to_string().contains("which holds 03, 04; choose one"), "{error}");
         }
+        assert_eq!(Sequence::open(root.path(), "04/").unwrap(), Sequence::open(root.path(), "04").unwrap());
         let elsewhere = Sequence::open(root.path().join("poses"), "04").unwrap_err();
         assert!(matches!(elsewhere, Error::NotKitti { .. }));
     }

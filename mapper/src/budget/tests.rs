@@ -61,6 +61,23 @@ fn reduced(budget_bytes: usize) -> Result<Reduced> {
 }
 
 #[test]
+fn a_map_that_is_longer_than_memory_is_refused() {
+    let far = 2.1e9;
+    for is_road in [true, false] {
+        let (mut map, evidence) = whole(&map());
+        let ends = vec![Point3::new(-far, 1.6, -far), Point3::new(far, 1.6, far)];
+        if is_road {
+            map.roads[0].path_map = ends;
+        } else {
+            map.lanes[0].points_map = ends;
+        }
+        let known = Known { map: &map, evidence: &evidence, quantum_m: QUANTUM_M };
+        let said = reduce(known, 4096, &BudgetConfig::default()).unwrap_err().to_string();
+        assert!(said.contains("5.9e9 m long (at most 1e7 m is accepted)"), "{said}");
+    }
+}
+
+#[test]
 fn a_map_that_fits_is_kept_as_it_is() {
     let (map, evidence) = whole(&map());
     let reduced = reduced(100_000).unwrap();

@@ -174,8 +174,10 @@ impl Build {
             map_crc32c: checksum(&bytes),
             poses,
             frames: drive.survey.len(),
+            frame: Some(drive.frame),
             scans,
             registration: registration.report,
+            survey_jumps: registration.jumps,
             evidence,
             config: settings(out, config)?,
         };

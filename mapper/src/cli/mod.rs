@@ -120,10 +120,14 @@ where
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) => {
-            // Help and version come this way too; nobody is left to tell
-            // where printing fails.
-            let _ = error.print();
-            return ExitCode::from(if error.use_stderr() { USAGE } else { 0 });
+            let printed = error.print();
+            if error.use_stderr() {
+                // Nobody is left to tell where that fails.
+                return ExitCode::from(USAGE);
+            }
+            // Help and version come this way, too.
+            common::output::written(printed);
+            return common::output::ended(ExitCode::SUCCESS);
         }
     };
     let outcome = match &cli.command {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use common::kitti::{RawDrive, Sequence};
 use nalgebra::Vector3;
 
 use crate::config::Config;
@@ -85,12 +86,11 @@ impl SourceArgs {
     /// The files that the options name. The scans are not among them.
     pub fn files(&self) -> Vec<PathBuf> {
         let named = [&self.survey, &self.calib, &self.scan_times, &self.stitched].into_iter().flatten().cloned();
-        let drive = self.kitti.iter().zip(&self.sequence).flat_map(|(root, name)| {
-            let folder = root.join("sequences").join(name);
-            let poses = root.join("poses").join(format!("{name}.txt"));
-            [folder.join("calib.txt"), folder.join("times.txt"), poses]
-        });
-        named.chain(drive).collect()
+        // What cannot be opened is told when the drive is.
+        let sequence = self.kitti.iter().zip(&self.sequence).filter_map(|(root, name)| Sequence::open(root, name).ok());
+        let drive = sequence.flat_map(|drive| [drive.calibration_path(), drive.times_path(), drive.poses_path()]);
+        let raw = self.raw.iter().filter_map(|folder| RawDrive::open(folder, self.calib.as_deref()).ok());
+        named.chain(drive).chain(raw.flat_map(|drive| drive.files())).collect()
     }
 
     fn opened(&self, config: &Config) -> Result<Drive> {

@@ -192,6 +192,8 @@ impl Waiting {
     fn point(&self, landmarks: &LandmarkIndex) -> las::Point {
         let [x, y, z] = self.position;
         let id = landmarks.number(self.class, &Point3::new(x, -z, y));
+        // As the file will have it: its header tells the bounds of what it is given.
+        let [x, y, z] = self.position.map(|metres| (metres / STEP_M).round() * STEP_M);
         las::Point {
             x,
             y,
@@ -284,6 +286,24 @@ mod tests {
         assert!((p.x - 1.0).abs() < 1e-9 && (p.y - 2.0).abs() < 1e-9 && (p.z + 3.0).abs() < 1e-9);
         assert_eq!((u8::from(p.classification), p.intensity, p.point_source_id), (2, 7, 5));
         assert_eq!(p.gps_time, Some(0.5));
+    }
+
+    #[test]
+    fn the_header_has_the_bounds_of_the_points() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.las");
+        let mut file = CloudFile::create(&path, &Config::default()).unwrap();
+        let points = [24.612_6, -3.000_4].map(|x| PastureVector3::new(x, 2.000_7, x));
+        file.write(&buffer(&points, &[7; 2], &[2; 2], &[5; 2], &[0.5; 2])).unwrap();
+        file.finish(&map()).unwrap().1.commit().unwrap();
+        let mut reader = las::Reader::from_path(&path).unwrap();
+        let bounds = reader.header().bounds();
+        let points: Vec<las::Point> = reader.read_all().unwrap().points().map(|p| p.unwrap()).collect();
+        let (low, high) = (&points[1], &points[0]);
+        let said = [bounds.min.x, bounds.min.z, bounds.max.x, bounds.max.y, bounds.max.z];
+        for (said, is) in said.into_iter().zip([low.x, low.z, high.x, high.y, high.z]) {
+            assert!((said - is).abs() < 1e-9, "{said} {is}");
+        }
     }
 
     #[test]

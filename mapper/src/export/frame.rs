@@ -1,18 +1,22 @@
 //! The frame of exported coordinates: local metres, or the Earth.
 
+use std::fmt;
 use std::str::FromStr;
 
 use common::geometry::PoseParameters;
 use common::kitti::Mercator;
 use map_3d::Ellipsoid;
 use nalgebra::{Point3, UnitQuaternion};
+use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
+use crate::input::MapFrame;
 
 /// Where on the Earth the origin of a map is, and how its axes lie.
 ///
 /// Written as `LAT,LON,ALT[,HEADING[,PITCH,ROLL]]`, degrees and metres.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Origin {
     /// Latitude of the map's origin, WGS 84, degrees north.
     pub latitude_deg: f64,
@@ -57,6 +61,13 @@ impl FromStr for Origin {
     }
 }
 
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let Self { latitude_deg, longitude_deg, altitude_m, heading_deg, pitch_deg, roll_deg } = self;
+        write!(f, "{latitude_deg},{longitude_deg},{altitude_m},{heading_deg},{pitch_deg},{roll_deg}")
+    }
+}
+
 impl Origin {
     /// `enu_from_map` without its axes' names: east, down, north.
     fn turn(&self) -> UnitQuaternion<f64> {
@@ -89,6 +100,8 @@ pub enum Projection {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Frame {
     placed: Option<Placed>,
+    /// What the report of the map's build says of its frame.
+    known: Option<MapFrame>,
 }
 
 /// A map's frame on the Earth.
@@ -116,9 +129,14 @@ impl Frame {
         Self::default()
     }
 
+    /// The same of a map of whose frame its build has said what is known.
+    pub fn local_of(known: Option<MapFrame>) -> Self {
+        Self { placed: None, known }
+    }
+
     /// WGS 84, of a map whose origin is there.
     pub fn wgs84(origin: Origin, projection: Projection) -> Self {
-        Self { placed: Some(Placed { origin, turn: origin.turn(), projection }) }
+        Self { placed: Some(Placed { origin, turn: origin.turn(), projection }), known: None }
     }
 
     /// The place of the map's origin, if it is known.
@@ -167,7 +185,10 @@ impl Frame {
     /// The frame in words, for people.
     pub fn note(&self) -> String {
         match &self.placed {
-            None => "local metres: x right, y forward, z up of camera 0 at the first frame of the survey".into(),
+            None => {
+                let of = self.known.map_or_else(|| "of the map's own frame".into(), |known| known.note());
+                format!("local metres: x right, y forward, z up {of}")
+            }
             Some(Placed { origin: o, projection, .. }) => {
                 let metres = match projection {
                     Projection::Topocentric => "",
@@ -256,6 +277,13 @@ mod tests {
         // Taken for a plane it is off by metres, and the Earth falls away.
         let off_m = frame.metres(&map) - Frame::wgs84(origin, Projection::Topocentric).metres(&map);
         assert!((off_m - nalgebra::Vector3::new(2.633, -2.047, -0.536)).norm() < 1e-3, "{off_m}");
+    }
+
+    #[test]
+    fn of_local_metres_no_more_is_said_than_is_known() {
+        assert_eq!(Frame::local().note(), "local metres: x right, y forward, z up of the map's own frame");
+        let kitti = Frame::local_of(Some(MapFrame::of_first_camera(None)));
+        assert!(kitti.note().ends_with("z up of camera 0 at the first frame of the survey"), "{}", kitti.note());
     }
 
     #[test]

@@ -1,5 +1,8 @@
 //! `GeoJSON`: one feature per landmark and per road.
 //!
+//! A landmark's number is the `id` of its feature, and stands among the properties,
+//! too: some readers drop the former.
+//!
 //! Poles and signs are points (a pole's is its foot), lane lines and the
 //! driven roads are lines. Without an origin coordinates are local metres,
 //! which RFC 7946 (section 4) leaves to those who exchange them: the member
@@ -56,7 +59,12 @@ fn features(map: &SemanticMap, frame: &Frame) -> Vec<Feature> {
 
 fn feature(id: Option<usize>, geometry: GeometryValue, properties: serde_json::Value) -> Feature {
     let properties = match properties {
-        serde_json::Value::Object(properties) => Some(properties),
+        serde_json::Value::Object(mut properties) => {
+            if let Some(id) = id {
+                properties.insert("id".into(), id.into());
+            }
+            Some(properties)
+        }
         _ => None,
     };
     let id = id.map(|id| Id::Number(id.into()));

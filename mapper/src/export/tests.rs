@@ -138,6 +138,9 @@ fn geojson_is_read_back_in_metres_and_in_degrees() {
         let text = Format::Geojson.text(&map(), &frame).unwrap();
         let read: ::geojson::FeatureCollection = text.parse::<::geojson::GeoJson>().unwrap().try_into().unwrap();
         assert_eq!(read.features.len(), 4);
+        let numbers: Vec<_> =
+            read.features.iter().map(|f| f.property("id").and_then(serde_json::Value::as_u64)).collect();
+        assert_eq!(numbers, [Some(1), Some(2), Some(3), None]);
         let pole = &read.features[0];
         assert_eq!(pole.property("kind").unwrap(), "lamp-post");
         let ::geojson::GeometryValue::Point { coordinates } = &pole.geometry.as_ref().unwrap().value else {

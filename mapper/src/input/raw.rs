@@ -6,7 +6,7 @@ use common::geometry::PoseParameters;
 use common::kitti::{RawDrive, RawSurvey};
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion};
 
-use super::Source;
+use super::{MapFrame, Source};
 use crate::drive::{Choice, Drive, Survey};
 use crate::error::Result;
 use crate::export::{Frame, Origin, Projection};
@@ -21,7 +21,10 @@ pub fn open_raw(folder: &Path, calibration: Option<&Path>, choice: Choice, max_r
     let times_s = drive.times_s()?;
     let surveyed = drive.survey(times_s.len())?;
     // The poses are those of the development kit.
-    let note = format!("origin of the map for `mapper export --projection mercator --origin`: {}", origin(&surveyed));
+    let origin_text = origin(&surveyed);
+    let note = format!("origin of the map for `mapper export --projection mercator --origin`: {origin_text}");
+    // As it is said, to the digit.
+    let frame = MapFrame::of_first_camera(origin_text.parse().ok());
     let survey = Survey {
         path: folder.join("oxts/data"),
         map_from_camera: surveyed.map_from_camera,
@@ -32,6 +35,7 @@ pub fn open_raw(folder: &Path, calibration: Option<&Path>, choice: Choice, max_r
     let scans = drive.scan_frames()?;
     let mut drive = Drive::new(Source::Raw(drive), &scans, survey, choice, max_range_m)?;
     drive.notes.push(note);
+    drive.frame = frame;
     Ok(drive)
 }
 

@@ -12,6 +12,7 @@ use super::Source;
 use super::beams::Steps;
 use super::config::InputConfig;
 use super::formats::ScanFormat;
+use super::map_frame::MapFrame;
 use super::survey::{Placement, Poses, SurveyFrame, assumed_times_s, poses_at, times_of_rows};
 use crate::drive::{Choice, Drive, Survey};
 use crate::error::{Error, Result};
@@ -149,6 +150,7 @@ pub fn open_scans(
     // Numbered by their order, they have no gaps but in time.
     notes.append(&mut drive.notes);
     drive.notes = notes;
+    drive.frame = MapFrame::of_survey(input.frame, &placement.reduced_by_m);
     Ok(drive)
 }
 

@@ -4,6 +4,7 @@ mod align;
 mod chain;
 mod doubt;
 mod graph;
+mod jumps;
 mod local_map;
 mod odometry;
 mod refine;
@@ -14,6 +15,7 @@ mod weak;
 
 pub use align::{AlignConfig, Alignment, ScanSurface, align, scan_surfaces};
 pub use graph::{GraphConfig, Motion, Refined, Revisit, refine_poses, squared_sigmas};
+pub use jumps::{JumpConfig, JumpWitness, SurveyJump, jumps_by_times, jumps_text};
 pub use local_map::{LocalMap, Surface, SurfaceConfig};
 pub use refine::{RefineConfig, Registration, Report, refine};
 pub use revisits::{RevisitConfig, RevisitReport};

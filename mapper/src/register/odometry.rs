@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::RefineConfig;
 use super::align::{AlignConfig, Alignment, ScanSurface, align, scan_surfaces};
 use super::graph::Motion;
+use super::jumps::Jumps;
 use super::local_map::LocalMap;
 use super::weak::held_by_survey;
 use crate::drive::Drive;
@@ -79,13 +80,14 @@ pub(super) fn raised_cells(cells: &[Moments], angle_rad: f64) -> Vec<Moments> {
 }
 
 /// Registers each scan of `frames`, raised by an angle as those already known are,
-/// against those before it.
+/// against those before it. `jumps` hears what the scans say of steps that may be some.
 pub(super) fn odometry(
     drive: &Drive,
     frames: &[usize],
     angle_rad: f64,
     config: &RefineConfig,
     known: &KnownCells,
+    jumps: &mut Jumps,
 ) -> Result<Odometry> {
     let prepare = |frame: &usize| {
         if let Some(scan) = known.get(frame) {
@@ -96,7 +98,7 @@ pub(super) fn odometry(
         Ok(Cow::Owned(scan))
     };
     let prepared = |batch: &[usize]| -> Vec<Result<Cow<ScanCells>>> { batch.par_iter().map(prepare).collect() };
-    let mut chain = Registered::new(drive, config);
+    let mut chain = Registered::new(drive, config, jumps);
     // Two of these are held at a time.
     let mut batches = frames.chunks(BATCH / 2);
     let mut ahead = batches.next().map(|batch| (batch, prepared(batch)));
@@ -119,14 +121,15 @@ struct Registered<'a> {
     scans: usize,
     last: Option<(usize, Pose)>,
     odometry: Odometry,
+    jumps: &'a mut Jumps,
 }
 
 impl<'a> Registered<'a> {
-    fn new(drive: &'a Drive, config: &'a RefineConfig) -> Self {
+    fn new(drive: &'a Drive, config: &'a RefineConfig, jumps: &'a mut Jumps) -> Self {
         let AlignConfig { map_voxel_m, keep_scans, surface, .. } = config.align;
         let map = LocalMap::new(map_voxel_m, keep_scans, surface);
         let odometry = Odometry { motions: Vec::new(), rms_given_m: 0.0, rms_refined_m: 0.0 };
-        Self { drive, config, map, scans: 0, last: None, odometry }
+        Self { drive, config, map, scans: 0, last: None, odometry, jumps }
     }
 
     /// Registers the scan of a frame against those before it.
@@ -143,6 +146,11 @@ impl<'a> Registered<'a> {
                     * survey[frame]
                     * camera_from_velodyne;
                 let found = align(&self.map, &scan.surfaces, &guess, &self.config.align);
+                if let Some(motion) = self.jumps.without(survey, before, frame) {
+                    let elsewhere = before_pose * velodyne_from_camera * motion * camera_from_velodyne;
+                    let other = align(&self.map, &scan.surfaces, &elsewhere, &self.config.align);
+                    self.jumps.hear((before, frame), &guess, [&found, &other], &self.config.align);
+                }
                 let (pose, information) = told(&found, &guess, &self.config.align);
                 // The normal matrix is in the tangent of the Velodyne frame.
                 let tangent = adjoint(&velodyne_from_camera);

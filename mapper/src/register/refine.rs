@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::align::AlignConfig;
 use super::graph::{GraphConfig, refine_poses};
+use super::jumps::{JumpConfig, Jumps, SurveyJump};
 use super::odometry::odometry;
 use super::revisits::{RevisitConfig, RevisitReport, apart_m, find_revisits, fits};
 use super::vertical_angle::{VerticalAngleConfig, vertical_angle};
@@ -20,6 +21,8 @@ pub struct RefineConfig {
     pub align: AlignConfig,
     /// Scans against survey.
     pub graph: GraphConfig,
+    /// Steps of the survey that are jumps.
+    pub jumps: JumpConfig,
     /// The lidar's vertical angle.
     pub vertical_angle: VerticalAngleConfig,
     /// Places that the drive comes back to.
@@ -65,12 +68,14 @@ pub struct Registration {
     pub map_from_camera: Vec<Pose>,
     /// What was estimated.
     pub report: Report,
+    /// Steps of the survey that the vehicle did not make.
+    pub jumps: Vec<SurveyJump>,
 }
 
 impl Registration {
     /// The survey's poses as they are.
     pub fn given(survey: &[Pose]) -> Self {
-        Self { map_from_camera: survey.to_vec(), report: Report::default() }
+        Self { map_from_camera: survey.to_vec(), report: Report::default(), jumps: Vec::new() }
     }
 }
 
@@ -80,7 +85,8 @@ impl Registration {
 /// A scan that cannot be read.
 pub fn refine(drive: &Drive, config: &RefineConfig) -> Result<Registration> {
     let (angle, known) = vertical_angle(drive, config)?;
-    let found = odometry(drive, &drive.frames, angle, config, &known)?;
+    let mut jumps = Jumps::of(drive, &config.jumps);
+    let found = odometry(drive, &drive.frames, angle, config, &known, &mut jumps)?;
     let survey: Vec<Pose> = drive.frames.iter().map(|f| drive.survey[*f]).collect();
     let mut refined = refine_poses(&survey, &found.motions, &[], &config.graph);
     let (mut ties, mut revisits) = find_revisits(drive, &refined.map_from_camera, &found.motions, angle, config)?;
@@ -120,6 +126,7 @@ pub fn refine(drive: &Drive, config: &RefineConfig) -> Result<Registration> {
             survey_doubt_most: refined.survey_doubts.iter().copied().fold(1.0, f64::max),
             revisits,
         },
+        jumps: jumps.told(),
     })
 }
 

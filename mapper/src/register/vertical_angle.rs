@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::RefineConfig;
 use super::graph::Motion;
+use super::jumps::Jumps;
 use super::odometry::{KnownCells, ScanCells, odometry};
 use crate::drive::Drive;
 use crate::error::Result;
@@ -103,7 +104,7 @@ pub(super) fn vertical_angle(drive: &Drive, config: &RefineConfig) -> Result<(f6
         frames.par_iter().map(|f| Ok((*f, ScanCells::read(drive, *f, &config.align)?))).collect();
     let mut known = read.into_iter().collect::<Result<KnownCells>>()?;
     let trial = |angle, raised: &KnownCells| -> Result<Vec<f64>> {
-        let found = odometry(drive, frames, angle, config, raised)?;
+        let found = odometry(drive, frames, angle, config, raised, &mut Jumps::default())?;
         Ok(pitch_differences(drive, frames, &found.motions))
     };
     let (none, some) = rayon::join(|| trial(0.0, &known), || trial(TRIAL_RAD, &raised(known.clone(), TRIAL_RAD)));

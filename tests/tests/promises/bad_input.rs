@@ -108,12 +108,6 @@ fn an_unknown_config_key() {
 }
 
 #[test]
-fn frames_without_a_scan() {
-    let root = plain();
-    build_of(root.path(), &["--first", "2"]).refused(&["velodyne", "no scan"]);
-}
-
-#[test]
 fn a_folder_that_does_not_exist() {
     let root = plain();
     let map = root.path().join("maps/04.csm");
@@ -200,7 +194,13 @@ fn localize(root: &Path, more: &[&str]) -> Ran {
 #[cfg(target_os = "linux")]
 #[test]
 fn an_output_that_takes_nothing() {
-    for (program, words) in [("fixtures", "worlds"), ("localizer", "run --print-config")] {
+    for (program, words) in [
+        ("fixtures", "worlds"),
+        ("localizer", "run --print-config"),
+        ("mapper", "--help"),
+        ("mapper", "build --help"),
+        ("fixtures", "--version"),
+    ] {
         let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         crate::support::run_into(full, program, &words.split(' ').collect::<Vec<_>>())
             .refused(&["could not be written", "room"]);

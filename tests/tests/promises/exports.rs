@@ -15,6 +15,7 @@ fn a_landmark_has_one_number_in_all_formats() {
     let json: serde_json::Value = serde_json::from_str(&export("map.geojson", &[])).unwrap();
     let features = json["features"].as_array().unwrap();
     assert_eq!(features.iter().filter(|f| f.get("id").is_some()).count(), landmarks);
+    assert!(features.iter().all(|f| f.get("id") == f["properties"].get("id")));
     let osm = export("map.osm", &["--origin", "-33.9,151.2,30,45"]);
     assert_eq!(osm.matches("<way id=").count(), landmarks);
     assert!(osm.contains("lat=\"-33.9"));

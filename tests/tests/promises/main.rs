@@ -14,6 +14,7 @@ mod camera_from_map;
 mod cloud_with_classes;
 mod demo;
 mod determinism;
+mod drives;
 mod exports;
 mod inputs;
 mod live;

@@ -12,6 +12,7 @@ use super::*;
 use crate::drive::{Choice, Drive};
 use crate::lidar::LidarConfig;
 
+mod numbers;
 mod stitched;
 
 const ALL: Choice = Choice { every: 1, first: 0, last: usize::MAX };

@@ -171,6 +171,26 @@ fn a_truncated_scan_is_told_in_one_sentence() {
 }
 
 #[test]
+fn what_stands_before_the_vertices_is_passed_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = "element camera 2\nproperty float view_px\nproperty list uchar int of\n";
+    for encoding in ["ascii", "binary_little_endian"] {
+        let mut bytes = ply(&points(), encoding);
+        let at = |bytes: &[u8], what: &[u8]| bytes.windows(what.len()).position(|w| w == what).unwrap();
+        let first = at(&bytes, b"element vertex");
+        bytes.splice(first..first, camera.bytes());
+        let first = at(&bytes, b"end_header\n") + b"end_header\n".len();
+        // Of the first one two numbers, of the second none.
+        let binary = [&1.5_f32.to_le_bytes()[..], &[2], &[7; 8], &2.5_f32.to_le_bytes(), &[0]].concat();
+        let content = if encoding == "ascii" { b"1.5 2 7 7\n2.5 0\n".to_vec() } else { binary };
+        bytes.splice(first..first, content);
+        let path = folder.path().join("a.ply");
+        std::fs::write(&path, &bytes).unwrap();
+        assert_eq!(read(&path).unwrap().points.len(), 800, "{encoding}");
+    }
+}
+
+#[test]
 fn what_a_scan_lacks_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let said = |name: &str, content: &str| {

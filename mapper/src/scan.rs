@@ -16,6 +16,8 @@ pub struct LidarScan {
     pub dropped_not_finite: usize,
     /// Points dropped because they lay out of range.
     pub dropped_out_of_range: usize,
+    /// Points dropped because their file says that they are withheld or noise.
+    pub dropped_as_noise: usize,
 }
 
 impl LidarScan {
@@ -41,6 +43,7 @@ impl LidarScan {
             reflectance: scan.points.iter().map(|p| p.reflectance).collect(),
             dropped_not_finite: scan.dropped_not_finite,
             dropped_out_of_range: scan.dropped_out_of_range,
+            dropped_as_noise: scan.dropped_as_noise,
         }
     }
 }

@@ -12,6 +12,7 @@ use super::*;
 use crate::drive::{Choice, Drive};
 use crate::lidar::LidarConfig;
 
+mod noise;
 mod numbers;
 mod stitched;
 
@@ -29,22 +30,27 @@ fn points() -> Vec<ScanPoint> {
 }
 
 fn write_las(path: &Path, points: &[ScanPoint], times_s: Option<&dyn Fn(usize) -> f64>) {
+    write_las_with(path, 6, points, |i, point| point.gps_time = Some(times_s.map_or(0.0, |t| t(i))));
+}
+
+/// Points of a format, of which `change` says what is not that of all.
+fn write_las_with(path: &Path, format: u8, points: &[ScanPoint], change: impl Fn(usize, &mut las::Point)) {
     let mut builder = las::Builder::from((1, 4));
-    let mut format = las::point::Format::new(6).unwrap();
+    let mut format = las::point::Format::new(format).unwrap();
     format.is_compressed = path.extension().is_some_and(|e| e == "laz");
     builder.point_format = format;
     let mut writer = las::Writer::from_path(path, builder.into_header().unwrap()).unwrap();
     for (i, p) in points.iter().enumerate() {
-        let point = las::Point {
+        let mut point = las::Point {
             x: p.x_m.into(),
             y: p.y_m.into(),
             z: p.z_m.into(),
             intensity: p.reflectance as u16,
             return_number: 1,
             number_of_returns: 1,
-            gps_time: Some(times_s.map_or(0.0, |t| t(i))),
             ..las::Point::default()
         };
+        change(i, &mut point);
         writer.write_point(point).unwrap();
     }
     writer.close().unwrap();

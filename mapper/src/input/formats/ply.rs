@@ -71,7 +71,7 @@ pub fn read(path: &Path) -> Result<Points> {
     }
     let vertices = parser.read_payload_for_element(&mut reader, vertex, &header).map_err(fault(path))?;
     let ring = if has(&RING) { vertices.iter().map(|v| v.ring).collect() } else { Vec::new() };
-    Ok(Points { points: vertices.into_iter().map(|v| v.point).collect(), ring })
+    Ok(Points { points: vertices.into_iter().map(|v| v.point).collect(), ring, noise: 0 })
 }
 
 fn fault(path: &Path) -> impl Fn(ParseError) -> Error {

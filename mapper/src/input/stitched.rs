@@ -24,8 +24,9 @@ use rayon::prelude::*;
 use super::Source;
 use super::config::InputConfig;
 use super::formats::{are_noise, at_a_time, cut_off, las_reader};
+use super::order::Tour;
 use super::scans::ScanInput;
-use super::slices::{Held, Slices};
+use super::slices::{Cut as SlicesCut, Held, Slices};
 use super::survey::{Placement, Poses, assumed_times_s, times_of_rows};
 use crate::cloud::without_standing;
 use crate::drive::{Choice, Drive, Survey};
@@ -90,9 +91,15 @@ pub fn open_stitched(
         });
     }
     slices.put_full_scale(config.full_scale(cut.largest_intensity));
-    if !timed {
-        slices.cut_in_space(places.iter().copied().zip(cutter.velodyne_from_map).collect(), config);
-    }
+    let tour = times_s.as_ref().filter(|_| timed).map(|times_s| Tour {
+        times_s: times_s.clone(),
+        map_from_velodyne: map_from_camera.iter().map(|pose| pose * placement.camera_from_velodyne).collect(),
+    });
+    slices.put_cut(SlicesCut {
+        places: places.iter().copied().zip(cutter.velodyne_from_map).collect(),
+        tour,
+        config: *config,
+    });
     let mut notes: Vec<String> = placement.note().into_iter().collect();
     notes.push(format!(
         "{} of {} points lie along the trajectory, cut by {}; intensities up to {}, of which {} counts as a reflectance of 1",
@@ -309,11 +316,11 @@ impl<'a> Cutter<'a> {
                 Some((place, self.seen_from(place, &p.position_map)?))
             };
             let seen: Vec<Option<(usize, Point3<f64>)>> = points.par_iter().map(seen).collect();
-            for (CloudPoint { intensity, .. }, seen) in points.iter().zip(seen) {
+            for (CloudPoint { intensity, time_s, .. }, seen) in points.iter().zip(seen) {
                 let Some((place, point)) = seen else { continue };
                 cut.largest_intensity = cut.largest_intensity.max(*intensity);
                 let [x_m, y_m, z_m] = [point.x as f32, point.y as f32, point.z as f32];
-                held.add(place, ScanPoint { x_m, y_m, z_m, reflectance: *intensity })?;
+                held.add(place, ScanPoint { x_m, y_m, z_m, reflectance: *intensity }, *time_s)?;
                 cut.used += 1;
             }
         }

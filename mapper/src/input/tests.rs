@@ -14,6 +14,7 @@ use crate::lidar::LidarConfig;
 
 mod noise;
 mod numbers;
+mod order;
 mod stitched;
 
 const ALL: Choice = Choice { every: 1, first: 0, last: usize::MAX };

@@ -34,16 +34,6 @@ pub fn written(result: std::io::Result<()>) {
     }
 }
 
-/// Takes note of what became of a text that another has written to the standard output,
-/// such as the help of a command line: as [`print()`] does of its own.
-pub fn written(result: std::io::Result<()>) {
-    if let Err(error) = result.and_then(|()| std::io::stdout().flush())
-        && error.kind() != ErrorKind::BrokenPipe
-    {
-        LOST.get_or_init(|| error.to_string());
-    }
-}
-
 /// The exit code of a program that ends with this one: 2, and one sentence, where
 /// it went well but for what it had to say.
 pub fn ended(code: ExitCode) -> ExitCode {

@@ -45,6 +45,8 @@ pub struct StitchedScan {
     pub dropped_not_finite: usize,
     /// Points dropped because they are no returns or too far away.
     pub dropped_out_of_range: usize,
+    /// Points dropped because their file says that they are withheld or noise.
+    pub dropped_as_noise: usize,
 }
 
 /// The stitched cloud of one stretch of road, with its ground.
@@ -185,6 +187,7 @@ impl Cloud {
                     points: scan.points.len(),
                     dropped_not_finite: scan.dropped_not_finite,
                     dropped_out_of_range: scan.dropped_out_of_range,
+                    dropped_as_noise: scan.dropped_as_noise,
                 };
                 (Sensor::new(&map_from_velodyne), read, stitched)
             },

@@ -224,6 +224,7 @@ impl Drive {
         self.put_lidar_at(lidar.at_m);
         let steps = Steps::of(lidar);
         self.source.put_lidar(lidar)?;
+        self.notes.extend(self.source.order_note().map(String::from));
         let steps = steps.seen_from_origin();
         let is_ordered = !self.source.is_kitti() || steps.are_in_order(&scan.points);
         self.unordered = (!is_ordered).then_some(steps);
@@ -257,7 +258,8 @@ impl Drive {
     /// # Errors
     /// As [`LidarScan::read`].
     pub fn read(&self, frame: usize, vertical_angle_rad: f64) -> Result<LidarScan> {
-        Ok(LidarScan::prepare(&self.read_raw(frame)?, vertical_angle_rad))
+        let scan = LidarScan::prepare(&self.read_raw(frame)?, vertical_angle_rad);
+        Ok(LidarScan { is_uneven: self.source.is_uneven(), ..scan })
     }
 
     /// Reads one scan as the file has it, but for the motion during it.

@@ -113,13 +113,18 @@ impl From<SectionSize> for Section {
     }
 }
 
+/// What to say of points that their file calls withheld or noise: most files call none so.
+fn noise_text(points: usize) -> String {
+    if points == 0 { String::new() } else { format!(", {points} as withheld or noise") }
+}
+
 /// What a build estimated and what it gave, as lines of text.
 pub fn build_text(build: &BuildReport) -> String {
     let mut out = String::new();
     let scans = &build.scans;
     let _ = writeln!(
         out,
-        "{} scans stitched, frames {} to {} of {}: {} points, {} dropped as not finite, {} as no return or too far",
+        "{} scans stitched, frames {} to {} of {}: {} points, {} dropped as not finite, {} as no return or too far{}",
         scans.scans,
         scans.first_frame,
         scans.last_frame,
@@ -127,6 +132,7 @@ pub fn build_text(build: &BuildReport) -> String {
         scans.points,
         scans.dropped_not_finite,
         scans.dropped_out_of_range,
+        noise_text(scans.dropped_as_noise),
     );
     let r = &build.registration;
     match build.poses {

@@ -1,9 +1,12 @@
 //! The driven path on the ground plane: station along it, offset beside it.
 
+mod quick;
+
 use std::ops::RangeInclusive;
 
 use nalgebra::{Point, Point2, Point3, Vector2, distance};
 
+pub(crate) use self::quick::QuickPath;
 use crate::grid::Grid;
 
 /// The way along places that follow each other: it goes on where one is farther than

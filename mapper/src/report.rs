@@ -70,6 +70,15 @@ pub struct ScanCounts {
     pub dropped_not_finite: usize,
     /// Points dropped because they are no returns or too far away.
     pub dropped_out_of_range: usize,
+    /// Points dropped because their file says that they are withheld or noise.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub dropped_as_noise: usize,
+}
+
+/// Few formats say of a point that it is noise, and so few reports do.
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+fn is_none(count: &usize) -> bool {
+    *count == 0
 }
 
 impl ScanCounts {
@@ -83,6 +92,7 @@ impl ScanCounts {
         self.points += scan.points;
         self.dropped_not_finite += scan.dropped_not_finite;
         self.dropped_out_of_range += scan.dropped_out_of_range;
+        self.dropped_as_noise += scan.dropped_as_noise;
     }
 }
 
@@ -174,7 +184,13 @@ mod tests {
     fn report(map_bytes: &[u8]) -> BuildReport {
         let mut scans = ScanCounts::default();
         for frame in [5, 10] {
-            scans.add(&StitchedScan { frame, points: 100, dropped_not_finite: 1, dropped_out_of_range: 2 });
+            scans.add(&StitchedScan {
+                frame,
+                points: 100,
+                dropped_not_finite: 1,
+                dropped_out_of_range: 2,
+                dropped_as_noise: 3,
+            });
         }
         BuildReport {
             map_bytes: map_bytes.len(),

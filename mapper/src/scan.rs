@@ -12,10 +12,15 @@ pub struct LidarScan {
     pub points: Vec<Point3<f64>>,
     /// Reflectance of each point, 0 to 1.
     pub reflectance: Vec<f32>,
+    /// Whether points that follow each other are not one step of the lidar apart: they are of
+    /// several scans.
+    pub is_uneven: bool,
     /// Points dropped because a coordinate was not finite.
     pub dropped_not_finite: usize,
     /// Points dropped because they lay out of range.
     pub dropped_out_of_range: usize,
+    /// Points dropped because their file says that they are withheld or noise.
+    pub dropped_as_noise: usize,
 }
 
 impl LidarScan {
@@ -39,8 +44,10 @@ impl LidarScan {
         Self {
             points,
             reflectance: scan.points.iter().map(|p| p.reflectance).collect(),
+            is_uneven: false,
             dropped_not_finite: scan.dropped_not_finite,
             dropped_out_of_range: scan.dropped_out_of_range,
+            dropped_as_noise: scan.dropped_as_noise,
         }
     }
 }

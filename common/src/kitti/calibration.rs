@@ -31,9 +31,7 @@ impl Calibration {
         let content = text::read(path)?;
         let camera = |key: &str| camera_of(path, &content, key);
         let cameras = [camera("P0")?, camera("P1")?, camera("P2")?, camera("P3")?];
-        let (line, values) = entry(path, &content, "Tr")?;
-        let camera_from_velodyne = text::mounting(path, line, text::pose(path, line, values)?)?;
-        Ok(Self { cameras, camera_from_velodyne })
+        Ok(Self { cameras, camera_from_velodyne: camera_from_velodyne_of(path, &content)? })
     }
 
     /// Reads one camera of a `calib.txt`, which need not have more than its line: who
@@ -61,15 +59,7 @@ impl Calibration {
     /// Of `Tr` as [`Self::read`].
     pub fn read_camera_from_velodyne(path: impl AsRef<Path>) -> Result<Pose> {
         let path = path.as_ref();
-        let content = text::read(path)?;
-        let is_tr = |(line, row)| {
-            let (name, values): (&str, &str) = str::split_once(row, ':')?;
-            (name.trim() == "Tr").then_some((line, values))
-        };
-        let (line, values) = text::rows(&content)
-            .find_map(is_tr)
-            .ok_or_else(|| Error::MissingCalibration { key: "Tr".to_owned(), path: path.to_path_buf() })?;
-        text::mounting(path, line, text::pose(path, line, values)?)
+        camera_from_velodyne_of(path, &text::read(path)?)
     }
 
     /// The projection matrices `P0` to `P3`: reference camera (m) to image (px).
@@ -94,6 +84,12 @@ fn camera_of(path: &Path, content: &str, key: &str) -> Result<PinholeCamera> {
     let values: [f64; 12] = text::numbers(path, line, values)?;
     PinholeCamera::from_projection(&Matrix3x4::from_row_slice(&values))
         .ok_or_else(|| Error::BadProjection { key: key.to_owned(), path: path.to_path_buf() })
+}
+
+/// The lidar's place.
+fn camera_from_velodyne_of(path: &Path, content: &str) -> Result<Pose> {
+    let (line, values) = entry(path, content, "Tr")?;
+    text::mounting(path, line, text::pose(path, line, values)?)
 }
 
 /// Writes a KITTI `calib.txt`.

@@ -31,6 +31,8 @@ pub struct Scan {
     /// Points dropped because they lie at the origin (no return) or beyond
     /// the limit.
     pub dropped_out_of_range: usize,
+    /// Points dropped because their file says that they are withheld or noise: never of KITTI's.
+    pub dropped_as_noise: usize,
 }
 
 /// Reads one scan; points beyond `max_range_m` (Euclidean, metres) or not

@@ -126,7 +126,13 @@ mod tests {
         let mut street = Street::new();
         street.add(Point3::new(3.0, 0.0, 30.0), 9, 0.2, None);
         let mut cloud = street.cloud();
-        let scan = |frame| StitchedScan { frame, points: 0, dropped_not_finite: 0, dropped_out_of_range: 0 };
+        let scan = |frame| StitchedScan {
+            frame,
+            points: 0,
+            dropped_not_finite: 0,
+            dropped_out_of_range: 0,
+            dropped_as_noise: 0,
+        };
         cloud.scans = (65_530..65_540).map(scan).collect();
         let window = Window {
             cloud: &cloud,

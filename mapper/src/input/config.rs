@@ -22,6 +22,10 @@ pub struct InputConfig {
     /// Points of a stitched cloud that are held in memory before they go to
     /// the disk.
     pub held_points: usize,
+    /// Width of the strips across the way into which the points of a stitched cloud are put
+    /// that are in no order in which a lidar may have taken them, metres: less than
+    /// a line is broad, and so broad that points in them are closer together than lines are broad.
+    pub strip_m: f32,
     /// Who saw the points of a stitched cloud without times.
     pub deal: DealConfig,
 }
@@ -33,6 +37,7 @@ impl Default for InputConfig {
             full_intensity: 0.0,
             turn_s: 0.1,
             held_points: 4_000_000,
+            strip_m: 0.09,
             deal: DealConfig::default(),
         }
     }

@@ -160,13 +160,14 @@ impl<'a> Dealer<'a> {
 }
 
 /// The lowest point of each cell of a slice.
-struct Ground {
+pub struct Ground {
     lowest_m: FxHashMap<(i32, i32), f32>,
     config: DealConfig,
 }
 
 impl Ground {
-    fn under(points: &[ScanPoint], config: DealConfig) -> Self {
+    /// Of a slice, in the frame of its scan.
+    pub fn under(points: &[ScanPoint], config: DealConfig) -> Self {
         let mut ground = Self { lowest_m: FxHashMap::default(), config };
         for p in points {
             let lowest_m = ground.lowest_m.entry(ground.cell(p)).or_insert(p.z_m);
@@ -179,7 +180,8 @@ impl Ground {
         ((p.x_m / self.config.cell_m).floor() as i32, (p.y_m / self.config.cell_m).floor() as i32)
     }
 
-    fn is_lying(&self, p: &ScanPoint) -> bool {
+    /// Whether a point of it lies on the ground.
+    pub fn is_lying(&self, p: &ScanPoint) -> bool {
         self.lowest_m.get(&self.cell(p)).is_some_and(|lowest_m| p.z_m - lowest_m <= self.config.lying_m)
     }
 }

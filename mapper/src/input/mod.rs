@@ -17,6 +17,7 @@ mod deal;
 mod deskew;
 mod formats;
 mod map_frame;
+mod order;
 mod raw;
 mod scans;
 mod slices;
@@ -118,6 +119,16 @@ impl Source {
     /// Whether scans are those of KITTI, whose points are in the order of the beams.
     pub fn is_kitti(&self) -> bool {
         matches!(self, Self::Odometry(_) | Self::Raw(_))
+    }
+
+    /// What people should know about the order of the points, if anything.
+    pub fn order_note(&self) -> Option<&'static str> {
+        if let Self::Stitched(slices) = self { slices.order_note() } else { None }
+    }
+
+    /// Whether points that follow each other in a scan are not one step of the lidar apart.
+    pub fn is_uneven(&self) -> bool {
+        matches!(self, Self::Stitched(slices) if slices.are_in_lines())
     }
 
     /// Says what the lidar is like, where scans are put into the order of its beams.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use common::geometry::Pose;
 use common::kitti::{Scan, read_times};
+use common::trajectory::StampedRow;
 use nalgebra::Vector3;
 
 use super::ANY_RANGE_M;
@@ -103,8 +104,8 @@ impl ScanFolder {
 /// lidar. Poses by time (TUM) are interpolated at the scans' times, which come
 /// from `scan_times` or from file names that are times; where scans have no
 /// times, and for KITTI rows, pose and scan are matched by their number in
-/// the file's name, else by their order; then `scan_times` has one time per
-/// row.
+/// the file's name, else by their order; with KITTI rows `scan_times` then has
+/// one time per row, and with TUM poses one per scan or per frame of the drive.
 ///
 /// # Errors
 /// A folder without scans or with two formats, poses that do not match, and as
@@ -241,7 +242,7 @@ struct Matched {
 
 fn matched(input: &ScanInput, files: Vec<PathBuf>, poses: &Poses, config: &InputConfig) -> Result<Matched> {
     let times_s = match poses {
-        Poses::Stamped(_) => scan_times(input, &files)?,
+        Poses::Stamped(rows) => scan_times(input, &files, rows)?,
         // Their times are those of the rows.
         Poses::Rows(_) => files.iter().map(|file| time_of(file)).collect(),
     };
@@ -270,11 +271,17 @@ fn matched(input: &ScanInput, files: Vec<PathBuf>, poses: &Poses, config: &Input
             files: files.into_iter().enumerate().collect(),
             without: 0,
         }),
-        (Poses::Stamped(rows), None) => Err(miscounted(rows.len())),
+        (Poses::Stamped(rows), None) => {
+            let frames = numbers(&files, rows.len()).ok_or_else(|| miscounted(rows.len()))?;
+            Ok(Matched {
+                files: frames.into_iter().zip(files).collect(),
+                poses: rows.iter().map(|row| row.pose).collect(),
+                times_s: rows.iter().map(|row| row.time_s).collect(),
+                without: 0,
+            })
+        }
         (Poses::Rows(poses), times_s) => {
-            let numbers: Option<Vec<usize>> = files.iter().map(|f| stem(f).parse().ok()).collect();
-            let by_number = numbers.filter(|n| n.iter().all(|n| *n < poses.len()) && n.windows(2).all(|w| w[0] < w[1]));
-            let frames = match by_number {
+            let frames = match numbers(&files, poses.len()) {
                 Some(numbers) => numbers,
                 None if poses.len() == files.len() => (0..files.len()).collect(),
                 None => return Err(miscounted(poses.len())),
@@ -288,13 +295,26 @@ fn matched(input: &ScanInput, files: Vec<PathBuf>, poses: &Poses, config: &Input
     }
 }
 
+/// The frame of each scan, where they are named by numbers of so many frames.
+fn numbers(files: &[PathBuf], frames: usize) -> Option<Vec<usize>> {
+    let numbers: Option<Vec<usize>> = files.iter().map(|f| stem(f).parse().ok()).collect();
+    numbers.filter(|n| n.iter().all(|n| *n < frames) && n.windows(2).all(|w| w[0] < w[1]))
+}
+
 /// The time of each scan, if it can be known.
-fn scan_times(input: &ScanInput, files: &[PathBuf]) -> Result<Option<Vec<f64>>> {
+fn scan_times(input: &ScanInput, files: &[PathBuf], rows: &[StampedRow]) -> Result<Option<Vec<f64>>> {
     let Some(path) = input.scan_times else {
         return Ok(files.iter().map(|f| time_of(f)).collect());
     };
     let times = read_times(path)?;
     if times.len() != files.len() {
+        // One for each frame of the drive, of which some have a scan.
+        let frames = numbers(files, times.len()).unwrap_or_default();
+        let of_scans: Vec<f64> = frames.into_iter().map(|frame| times[frame]).collect();
+        let span_s = rows.first().zip(rows.last()).map(|(first, last)| first.time_s..=last.time_s);
+        if span_s.is_some_and(|span_s| of_scans.iter().any(|t| span_s.contains(t))) {
+            return Ok(Some(of_scans));
+        }
         return Err(Error::TimesAndScans {
             path: path.to_path_buf(),
             times: times.len(),

@@ -19,18 +19,20 @@ use std::path::Path;
 use common::geometry::Pose;
 use common::kitti::ScanPoint;
 use nalgebra::{Point2, Point3};
+use rayon::prelude::*;
 
 use super::Source;
 use super::config::InputConfig;
-use super::formats::{at_a_time, cut_off, las_reader};
+use super::formats::{are_noise, at_a_time, cut_off, las_reader};
+use super::order::Tour;
 use super::scans::ScanInput;
-use super::slices::{Held, Slices};
+use super::slices::{Cut as SlicesCut, Held, Slices};
 use super::survey::{Placement, Poses, assumed_times_s, times_of_rows};
 use crate::cloud::without_standing;
 use crate::drive::{Choice, Drive, Survey};
 use crate::error::{Error, Result};
 use crate::lidar::LidarConfig;
-use crate::path::{Path as DrivenPath, Way};
+use crate::path::{Path as DrivenPath, QuickPath, Way};
 
 /// Share of the points with a time of the trajectory that must lie within reach of
 /// where it was then, for the times to be believed. Points of other times say
@@ -71,7 +73,8 @@ pub fn open_stitched(
     }
     let cutter = |places| Cutter::new(&placement, &map_from_camera, places, times_s.as_deref(), max_range_m, config);
     let all: Vec<usize> = (0..poses.len()).collect();
-    let timed = times_s.is_some() && times_fit(input.path, &cutter(&all))?;
+    let fit = times_s.as_ref().map(|_| times_fit(input.path, &cutter(&all))).transpose()?;
+    let timed = matches!(fit, Some(TimesFit::Yes));
     let places = match times_s.as_ref().filter(|_| timed) {
         Some(times_s) => with_ends(&chosen, times_s, &choice, config.longest_gap_s),
         // Who stands sees nothing else, and nothing is nearer to one place than to the next.
@@ -88,9 +91,15 @@ pub fn open_stitched(
         });
     }
     slices.put_full_scale(config.full_scale(cut.largest_intensity));
-    if !timed {
-        slices.cut_in_space(places.iter().copied().zip(cutter.velodyne_from_map).collect(), config);
-    }
+    let tour = times_s.as_ref().filter(|_| timed).map(|times_s| Tour {
+        times_s: times_s.clone(),
+        map_from_velodyne: map_from_camera.iter().map(|pose| pose * placement.camera_from_velodyne).collect(),
+    });
+    slices.put_cut(SlicesCut {
+        places: places.iter().copied().zip(cutter.velodyne_from_map).collect(),
+        tour,
+        config: *config,
+    });
     let mut notes: Vec<String> = placement.note().into_iter().collect();
     notes.push(format!(
         "{} of {} points lie along the trajectory, cut by {}; intensities up to {}, of which {} counts as a reflectance of 1",
@@ -100,6 +109,10 @@ pub fn open_stitched(
         cut.largest_intensity,
         slices.full_scale()
     ));
+    notes.extend(fit.zip(times_s.as_ref()).and_then(|(fit, times_s)| fit.note(input, times_s)));
+    if cut.noise > 0 {
+        notes.push(format!("{} points are withheld or of the classes of noise, 7 and 18, and are left out", cut.noise));
+    }
     notes.push("a stitched cloud has no single scans: its poses are taken as given, and what moved stays in it".into());
     let times_s = times_s.unwrap_or_else(|| assumed_times_s(poses.len()));
     let path = input.survey.to_path_buf();
@@ -130,26 +143,82 @@ fn with_ends(chosen: &[usize], times_s: &[f64], choice: &Choice, longest_gap_s: 
 
 /// Whether most of the points of a cloud that have a time of the trajectory lie where
 /// it was then; `cutter` has all its poses for places.
-fn times_fit(cloud: &Path, cutter: &Cutter) -> Result<bool> {
+fn times_fit(cloud: &Path, cutter: &Cutter) -> Result<TimesFit> {
     let mut reader = las_reader(cloud)?;
     let (mut timed, mut fit) = (0_usize, 0_usize);
+    let are_adjusted = reader.header().gps_time_type().is_standard();
+    let mut span_s = (f64::INFINITY, f64::NEG_INFINITY);
     loop {
         let data = reader.read_points(at_a_time(&reader)).map_err(|e| Error::las(cloud, &e))?;
         let Some(times) = data.gps_time().filter(|_| !data.is_empty()) else { break };
-        for (((x, y), z), time_s) in data.x().zip(data.y()).zip(data.z()).zip(times) {
+        let positions = data.x().zip(data.y()).zip(data.z()).zip(times).zip(are_noise(&data));
+        for ((((x, y), z), time_s), _) in positions.filter(|(_, is_noise)| !is_noise) {
+            span_s = (span_s.0.min(time_s), span_s.1.max(time_s));
             let Some(place) = cutter.by_time(time_s) else { continue };
             let point_map = cutter.placement.map_from_cloud(&Point3::new(x, y, z));
             timed += 1;
             fit += usize::from(cutter.seen_from(place, &point_map).is_some());
         }
     }
-    Ok(fit > 0 && fit as f64 >= TIMED_SHARE * timed as f64)
+    Ok(if fit > 0 && fit as f64 >= TIMED_SHARE * timed as f64 {
+        TimesFit::Yes
+    } else if span_s.0 < span_s.1 {
+        TimesFit::No { cloud_s: span_s, are_elsewhere: timed > 0, are_adjusted }
+    } else {
+        TimesFit::NoTimes
+    })
+}
+
+/// Whether the times of a cloud are those of a trajectory.
+enum TimesFit {
+    Yes,
+    /// The cloud has none, or all are one.
+    NoTimes,
+    /// First and last time of the cloud, seconds; at those of the trajectory its points are
+    /// elsewhere, or there are none. Adjusted are those of LAS 1.4 R15, bit 0 of the global
+    /// encoding: GPS time less 1e9 s.
+    No {
+        cloud_s: (f64, f64),
+        are_elsewhere: bool,
+        are_adjusted: bool,
+    },
+}
+
+impl TimesFit {
+    /// What to say where points have times of no use.
+    fn note(&self, input: &ScanInput, times_s: &[f64]) -> Option<String> {
+        let Self::No { cloud_s: (first_s, last_s), are_elsewhere, are_adjusted } = self else { return None };
+        let why =
+            if *are_elsewhere { "most points are far from where it was then" } else { "no point has a time of it" };
+        // The epoch of GPS is 315,964,800 s after that of Unix, which leaves out leap seconds.
+        let how =
+            if *are_adjusted { " (adjusted standard GPS time; from 2017 on Unix time less 1315964782 s)" } else { "" };
+        Some(format!(
+            "the GPS times of {} are from {first_s:.3} to {last_s:.3} s and those of {} from {:.3} to {:.3} s, and {why}, so \
+             times are passed over: give poses in the time of the cloud{how} to have it cut by time",
+            input.path.display(),
+            input.survey.display(),
+            times_s.first().copied().unwrap_or(f64::NAN),
+            times_s.last().copied().unwrap_or(f64::NAN)
+        ))
+    }
+}
+
+/// A point of a cloud.
+struct CloudPoint {
+    /// Map frame, metres.
+    position_map: Point3<f64>,
+    intensity: f32,
+    /// Seconds.
+    time_s: Option<f64>,
 }
 
 /// What became of a cloud.
 struct Cut {
     points: usize,
     used: usize,
+    /// Those that the cloud says to be withheld or noise.
+    noise: usize,
     largest_intensity: f32,
 }
 
@@ -207,36 +276,51 @@ impl<'a> Cutter<'a> {
     }
 
     /// The place nearest in space.
-    fn by_position(&self, point_map: &Point3<f64>) -> usize {
-        let place = self.path.place(&Point2::new(point_map.x, point_map.z));
+    fn by_position(&self, path: &QuickPath, point_map: &Point3<f64>) -> usize {
+        let place = path.place(&Point2::new(point_map.x, point_map.z));
         nearest(&self.stations_m, place.station_m)
     }
 
     fn cut(&self, cloud: &Path, folder: &Path, timed: bool) -> Result<Cut> {
         let mut reader = las_reader(cloud)?;
         let promised = reader.header().number_of_points();
-        let mut cut = Cut { points: 0, used: 0, largest_intensity: 0.0 };
+        let mut cut = Cut { points: 0, used: 0, noise: 0, largest_intensity: 0.0 };
         let mut held = Held::new(folder, self.places, self.config.held_points);
+        let mut path = QuickPath::new(&self.path);
         loop {
             let data = reader.read_points(at_a_time(&reader)).map_err(|e| Error::las(cloud, &e))?;
             if data.is_empty() {
                 break;
             }
             cut.points += data.len();
-            let times: Vec<f64> = data.gps_time().filter(|_| timed).map_or_else(Vec::new, Iterator::collect);
-            let positions = data.x().zip(data.y()).zip(data.z()).zip(data.intensity());
-            for (i, (((x, y), z), intensity)) in positions.enumerate() {
-                let point_map = self.placement.map_from_cloud(&Point3::new(x, y, z));
-                let place = match times.get(i) {
-                    Some(&time_s) => self.by_time(time_s),
-                    None => Some(self.by_position(&point_map)),
+            let times: Vec<f64> = data.gps_time().map_or_else(Vec::new, Iterator::collect);
+            let positions =
+                data.x().zip(data.y()).zip(data.z()).zip(data.intensity()).zip(are_noise(&data)).enumerate();
+            let points: Vec<CloudPoint> = positions
+                .filter(|(_, (_, is_noise))| !is_noise)
+                .map(|(i, ((((x, y), z), intensity), _))| CloudPoint {
+                    position_map: self.placement.map_from_cloud(&Point3::new(x, y, z)),
+                    intensity: f32::from(intensity),
+                    time_s: times.get(i).copied(),
+                })
+                .collect();
+            cut.noise += data.len() - points.len();
+            let is_in_space = |p: &CloudPoint| !timed || p.time_s.is_none();
+            let ground = |p: &CloudPoint| Point2::new(p.position_map.x, p.position_map.z);
+            path.expect(&points.iter().filter(|p| is_in_space(p)).map(ground).collect::<Vec<_>>());
+            let seen = |p: &CloudPoint| {
+                let place = match p.time_s.filter(|_| timed) {
+                    Some(time_s) => self.by_time(time_s)?,
+                    None => self.by_position(&path, &p.position_map),
                 };
-                let Some(place) = place else { continue };
-                let Some(point) = self.seen_from(place, &point_map) else { continue };
-                let intensity = f32::from(intensity);
-                cut.largest_intensity = cut.largest_intensity.max(intensity);
+                Some((place, self.seen_from(place, &p.position_map)?))
+            };
+            let seen: Vec<Option<(usize, Point3<f64>)>> = points.par_iter().map(seen).collect();
+            for (CloudPoint { intensity, time_s, .. }, seen) in points.iter().zip(seen) {
+                let Some((place, point)) = seen else { continue };
+                cut.largest_intensity = cut.largest_intensity.max(*intensity);
                 let [x_m, y_m, z_m] = [point.x as f32, point.y as f32, point.z as f32];
-                held.add(place, ScanPoint { x_m, y_m, z_m, reflectance: intensity })?;
+                held.add(place, ScanPoint { x_m, y_m, z_m, reflectance: *intensity }, *time_s)?;
                 cut.used += 1;
             }
         }

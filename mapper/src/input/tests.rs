@@ -12,6 +12,9 @@ use super::*;
 use crate::drive::{Choice, Drive};
 use crate::lidar::LidarConfig;
 
+mod noise;
+mod numbers;
+mod order;
 mod stitched;
 
 const ALL: Choice = Choice { every: 1, first: 0, last: usize::MAX };
@@ -28,22 +31,27 @@ fn points() -> Vec<ScanPoint> {
 }
 
 fn write_las(path: &Path, points: &[ScanPoint], times_s: Option<&dyn Fn(usize) -> f64>) {
+    write_las_with(path, 6, points, |i, point| point.gps_time = Some(times_s.map_or(0.0, |t| t(i))));
+}
+
+/// Points of a format, of which `change` says what is not that of all.
+fn write_las_with(path: &Path, format: u8, points: &[ScanPoint], change: impl Fn(usize, &mut las::Point)) {
     let mut builder = las::Builder::from((1, 4));
-    let mut format = las::point::Format::new(6).unwrap();
+    let mut format = las::point::Format::new(format).unwrap();
     format.is_compressed = path.extension().is_some_and(|e| e == "laz");
     builder.point_format = format;
     let mut writer = las::Writer::from_path(path, builder.into_header().unwrap()).unwrap();
     for (i, p) in points.iter().enumerate() {
-        let point = las::Point {
+        let mut point = las::Point {
             x: p.x_m.into(),
             y: p.y_m.into(),
             z: p.z_m.into(),
             intensity: p.reflectance as u16,
             return_number: 1,
             number_of_returns: 1,
-            gps_time: Some(times_s.map_or(0.0, |t| t(i))),
             ..las::Point::default()
         };
+        change(i, &mut point);
         writer.write_point(point).unwrap();
     }
     writer.close().unwrap();
@@ -166,6 +174,26 @@ fn a_truncated_scan_is_told_in_one_sentence() {
             assert!(said.contains(&*path.file_name().unwrap().to_string_lossy()), "{said}");
             assert!(!said.contains('\n') && (said.contains("again") || said.contains("check")), "{said}");
         }
+    }
+}
+
+#[test]
+fn what_stands_before_the_vertices_is_passed_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = "element camera 2\nproperty float view_px\nproperty list uchar int of\n";
+    for encoding in ["ascii", "binary_little_endian"] {
+        let mut bytes = ply(&points(), encoding);
+        let at = |bytes: &[u8], what: &[u8]| bytes.windows(what.len()).position(|w| w == what).unwrap();
+        let first = at(&bytes, b"element vertex");
+        bytes.splice(first..first, camera.bytes());
+        let first = at(&bytes, b"end_header\n") + b"end_header\n".len();
+        // Of the first one two numbers, of the second none.
+        let binary = [&1.5_f32.to_le_bytes()[..], &[2], &[7; 8], &2.5_f32.to_le_bytes(), &[0]].concat();
+        let content = if encoding == "ascii" { b"1.5 2 7 7\n2.5 0\n".to_vec() } else { binary };
+        bytes.splice(first..first, content);
+        let path = folder.path().join("a.ply");
+        std::fs::write(&path, &bytes).unwrap();
+        assert_eq!(read(&path).unwrap().points.len(), 800, "{encoding}");
     }
 }
 

@@ -87,13 +87,25 @@ impl<'a> Contrasts<'a> {
         if spacing > config.beside_from_m {
             return None;
         }
-        // The azimuth step is constant: indices stand for distances.
-        let per_metre = 1.0 / spacing.max(1e-3);
-        let first = config.beside_from_m * per_metre;
-        let last = config.beside_to_m * per_metre;
+        let share = |s: usize| s as f64 / (SAMPLES - 1) as f64;
         let mut steps = [0; SAMPLES];
-        for (s, steps) in steps.iter_mut().enumerate() {
-            *steps = rounded(first + (last - first) * (s as f64 / (SAMPLES - 1) as f64)) as usize;
+        if self.scan.is_uneven {
+            let mut at = 1;
+            for (s, steps) in steps.iter_mut().enumerate() {
+                let from_m = config.beside_from_m + (config.beside_to_m - config.beside_from_m) * share(s);
+                while at <= room && apart_m(beside(at)) < from_m {
+                    at += 1;
+                }
+                *steps = at;
+            }
+        } else {
+            // The azimuth step is constant: indices stand for distances.
+            let per_metre = 1.0 / spacing.max(1e-3);
+            let first = config.beside_from_m * per_metre;
+            let last = config.beside_to_m * per_metre;
+            for (s, steps) in steps.iter_mut().enumerate() {
+                *steps = rounded(first + (last - first) * share(s)) as usize;
+            }
         }
         // They go outwards: what lies beyond the scan are the last of them.
         let count = steps.iter().take_while(|steps| **steps <= room).count();

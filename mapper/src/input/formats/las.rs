@@ -6,7 +6,7 @@ use std::path::Path;
 
 use common::atomic_file::is_other;
 use common::kitti::ScanPoint;
-use las::Reader;
+use las::{PointData, Reader};
 
 use super::{Points, bad, las_check};
 use crate::error::{Error, Result};
@@ -44,6 +44,20 @@ pub fn at_a_time(reader: &Reader) -> u64 {
     BYTES_AT_A_TIME / u64::from(format.len()).max(1)
 }
 
+/// Classes of noise, LAS 1.4 R15, table 17: low and high points.
+const NOISE: [u8; 2] = [7, 18];
+
+/// Of each of some points whether the file says that it is withheld, or of a class of noise.
+pub fn are_noise(data: &PointData) -> impl Iterator<Item = bool> {
+    // The third of the bits of flags behind those of the returns, or the last of the class.
+    let (byte, bit) = if data.format().is_extended { (15, 0b100) } else { (15, 0b1000_0000) };
+    let records = data.raw_bytes().chunks_exact(data.record_len().max(1));
+    records.zip(data.classification()).map(move |(record, class)| {
+        let is_withheld = record.get(byte).is_some_and(|flags| flags & bit != 0);
+        is_withheld || NOISE.contains(&class)
+    })
+}
+
 /// Reads a scan.
 pub fn read(path: &Path) -> Result<Points> {
     let mut reader = reader(path)?;
@@ -54,16 +68,20 @@ pub fn read(path: &Path) -> Result<Points> {
         if data.is_empty() {
             break;
         }
-        let positions = data.x().zip(data.y()).zip(data.z()).zip(data.intensity());
-        all.points.extend(positions.map(|(((x, y), z), intensity)| ScanPoint {
+        let before = all.points.len();
+        let positions = data.x().zip(data.y()).zip(data.z()).zip(data.intensity()).zip(are_noise(&data));
+        let kept = positions.filter_map(|(position, is_noise)| (!is_noise).then_some(position));
+        all.points.extend(kept.map(|(((x, y), z), intensity)| ScanPoint {
             x_m: x as f32,
             y_m: y as f32,
             z_m: z as f32,
             reflectance: f32::from(intensity),
         }));
+        all.noise += data.len() - (all.points.len() - before);
     }
-    if (all.points.len() as u64) < promised {
-        return Err(cut_off(path, promised, all.points.len()));
+    let there = all.points.len() + all.noise;
+    if (there as u64) < promised {
+        return Err(cut_off(path, promised, there));
     }
     Ok(all)
 }

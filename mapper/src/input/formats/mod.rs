@@ -10,7 +10,7 @@ use std::path::Path;
 
 use common::kitti::{Scan, ScanPoint, read_scan};
 
-pub use self::las::{at_a_time, cut_off, reader as las_reader};
+pub use self::las::{are_noise, at_a_time, cut_off, reader as las_reader};
 use super::beams::Steps;
 use crate::error::{Error, Result};
 
@@ -30,11 +30,14 @@ pub enum ScanFormat {
 /// Points as they stand in a file: lidar frame, metres; intensity in any
 /// scale.
 #[derive(Debug, Default)]
+#[allow(clippy::struct_field_names, reason = "points are what it holds, and the rest is said of them")]
 pub struct Points {
     /// Position and intensity, 0 where the file has none.
     pub points: Vec<ScanPoint>,
     /// Beam of each point; empty where the file does not say.
     pub ring: Vec<u16>,
+    /// Points that the file says to be withheld or noise, which are not among them.
+    pub noise: usize,
 }
 
 /// Names under which recorders write the intensity.
@@ -72,7 +75,7 @@ impl ScanFormat {
             Self::Pcd => pcd::read(path)?,
             Self::Ply => ply::read(path)?,
         };
-        if points.points.is_empty() {
+        if points.points.is_empty() && points.noise == 0 {
             return Err(bad(path, "it holds no point; export it again"));
         }
         Ok(usable(&points, max_range_m, steps))
@@ -81,7 +84,8 @@ impl ScanFormat {
 
 /// Drops what is not finite or out of range, and orders the rest.
 fn usable(all: &Points, max_range_m: f32, steps: Steps) -> Scan {
-    let mut scan = Scan { points: Vec::with_capacity(all.points.len()), ..Scan::default() };
+    let points = Vec::with_capacity(all.points.len());
+    let mut scan = Scan { points, dropped_as_noise: all.noise, ..Scan::default() };
     let mut ring = Vec::with_capacity(all.ring.len());
     for (i, p) in all.points.iter().enumerate() {
         let range_m = (p.x_m * p.x_m + p.y_m * p.y_m + p.z_m * p.z_m).sqrt();

@@ -70,7 +70,7 @@ pub fn read(path: &Path) -> Result<Points> {
         z_m: *z as f32,
         reflectance: *intensity as f32,
     };
-    Ok(Points { points: rows.iter().map(point).collect(), ring })
+    Ok(Points { points: rows.iter().map(point).collect(), ring, noise: 0 })
 }
 
 fn header(path: &Path, bytes: &[u8]) -> Result<Header> {

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use common::kitti::ScanPoint;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
-use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
+use ply_rs_bw::ply::{ElementDef, Property, PropertyAccess, PropertyAccessResult};
 
 use super::{INTENSITY, Points, RING, bad};
 use crate::error::{Error, Result};
@@ -57,16 +57,21 @@ pub fn read(path: &Path) -> Result<Points> {
     let mut reader = Reader::new(BufReader::new(file));
     let parser = Parser::<Vertex>::new();
     let header = parser.read_header(&mut reader).map_err(fault(path))?;
-    let vertex = header.elements.iter().next().map(|(_, element)| element).filter(|e| e.name == "vertex");
-    let vertex = vertex.ok_or_else(|| bad(path, "its first element is not `vertex`; export it as a point cloud"))?;
+    let is_vertex = |element: &ElementDef| element.name == "vertex";
+    let vertex = header.elements.iter().map(|(_, element)| element).find(|element| is_vertex(element));
+    let vertex = vertex.ok_or_else(|| bad(path, "it has elements, but not `vertex`; export it as a point cloud"))?;
     let has =
         |names: &[&str]| vertex.properties.iter().any(|(name, _)| names.contains(&name.to_ascii_lowercase().as_str()));
     if !["x", "y", "z"].iter().all(|axis| has(&[*axis])) {
         return Err(bad(path, "its vertices have no properties x, y and z; export it with positions"));
     }
+    // Some write the camera or the faces before the points.
+    for before in header.elements.iter().map(|(_, element)| element).take_while(|element| !is_vertex(element)) {
+        parser.read_payload_for_element(&mut reader, before, &header).map_err(fault(path))?;
+    }
     let vertices = parser.read_payload_for_element(&mut reader, vertex, &header).map_err(fault(path))?;
     let ring = if has(&RING) { vertices.iter().map(|v| v.ring).collect() } else { Vec::new() };
-    Ok(Points { points: vertices.into_iter().map(|v| v.point).collect(), ring })
+    Ok(Points { points: vertices.into_iter().map(|v| v.point).collect(), ring, noise: 0 })
 }
 
 fn fault(path: &Path) -> impl Fn(ParseError) -> Error {

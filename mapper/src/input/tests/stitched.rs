@@ -125,3 +125,31 @@ fn times_beside_a_trajectory_are_used_or_refused() {
     std::fs::write(&survey, TUM).unwrap();
     assert!(said(&[100.0, 100.2, 100.4]).contains("poses.txt has a time for each pose already"));
 }
+
+#[test]
+fn times_that_are_none_of_the_survey_are_told_with_what_to_do() {
+    let root = tempfile::tempdir().unwrap();
+    let [cloud, survey] = ["cloud.las", "poses.txt"].map(|name| root.path().join(name));
+    std::fs::write(&survey, TUM).unwrap();
+    let points: Vec<ScanPoint> =
+        (0..40).map(|i| ScanPoint { x_m: f32::from(i as i16) * 0.1, y_m: 3.0, z_m: -1.75, reflectance: 9.0 }).collect();
+    let notes = |time_s: &dyn Fn(usize) -> f64| {
+        write_las(&cloud, &points, Some(time_s));
+        let input = beside(&cloud, &survey);
+        open_stitched(&input, ALL, 120.0, &InputConfig::default(), &LidarConfig::default()).unwrap().notes
+    };
+    let apart = notes(&|i| 7000.5 + i as f64);
+    let told = apart.iter().find(|n| n.contains("the GPS times of")).unwrap();
+    assert!(
+        told.contains("from 7000.500 to 7039.500 s and those of") && told.contains("from 100.000 to 100.400 s"),
+        "{told}"
+    );
+    assert!(
+        told.contains("no point has a time of it") && told.contains("give poses in the time of the cloud"),
+        "{told}"
+    );
+    // Who has no times, or those of the survey, needs not be told.
+    for time_s in [7000.0, 100.2] {
+        assert!(notes(&|_| time_s).iter().all(|n| !n.contains("GPS times")));
+    }
+}

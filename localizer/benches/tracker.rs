@@ -77,7 +77,7 @@ static CASE: LazyLock<Case> = LazyLock::new(|| {
     };
     let frames: Vec<FrameFeatures> = drive.frames.iter().map(look).collect();
     let starts = (0..STARTS)
-        .map(|seed| simulated(frames.iter().map(|seen| seen.frame), &truth, &config, seed).unwrap())
+        .map(|seed| simulated(&frames.iter().map(|seen| seen.frame), &truth, &config, seed).unwrap())
         .collect();
     let name = format!("{} frames of {sequence}, {} GPS starts", frames.len(), STARTS);
     Case { name, config, map, drive, frames, starts }

@@ -126,7 +126,8 @@ impl Drive {
     /// have a scan, of those from `first` to `last`.
     ///
     /// # Errors
-    /// What the sequence lacks, and as [`Self::new`].
+    /// What the sequence lacks, [`Error::NoScanChosen`], [`Error::OtherFiles`], or
+    /// [`Error::NoScanFiles`] where it holds no scan to stitch.
     pub fn open(
         root: &FilePath,
         sequence: &str,

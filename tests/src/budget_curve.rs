@@ -36,7 +36,7 @@ pub struct Measured {
 pub fn measure(trial: &Trial, map: &SemanticMap, starts: u64) -> localizer::Result<Option<Measured>> {
     let mut errors: Vec<FrameError> = Vec::new();
     for seed in 0..starts {
-        let fixes = simulated(trial.frames.iter().map(|seen| seen.frame), &trial.truth, &trial.config, seed)?;
+        let fixes = simulated(&trial.frames.iter().map(|seen| seen.frame), &trial.truth, &trial.config, seed)?;
         let results = trial.run_in(map, &fixes)?;
         errors.extend(trial.errors(results.get(START_FRAMES..).unwrap_or_default()));
     }

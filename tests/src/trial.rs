@@ -162,7 +162,7 @@ impl LookArgs {
         // The map as a whole, for it may be moved; `read` saw that it is given.
         let map = self.input.map.as_ref().map(common::map::read).transpose()?.unwrap_or_default();
         let truth = self.input.true_poses(&input.drive)?;
-        let fixes = simulated(input.drive.frames.iter().copied(), &truth, &config, self.seed)?;
+        let fixes = simulated(&input.drive.frames.iter().copied(), &truth, &config, self.seed)?;
         let odometry = odometry(wheels, &input.motion, &mut config);
         let mut frames = input.frames;
         frames.retain(|seen| seen.frame < truth.len());

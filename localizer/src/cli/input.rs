@@ -168,7 +168,7 @@ impl InputArgs {
 /// # Errors
 /// [`Error::NoStart`] where there is none.
 pub fn simulated(
-    frames: impl Iterator<Item = usize> + Clone,
+    frames: &(impl Iterator<Item = usize> + Clone),
     truth: &[Pose],
     config: &Config,
     seed: u64,
@@ -187,7 +187,7 @@ pub fn simulated(
 /// As [`gps::read`], and [`Error::NoFix`] where none lies on the frames.
 pub fn read_fixes(drive: &Drive, path: &Path, config: &Config) -> Result<BTreeMap<usize, GpsFix>> {
     let FixFile { fixes, astray_lines } = gps::read(path, &drive.times_s, &config.gps)?;
-    let fixes = started(drive.frames.iter().copied(), fixes).map_err(|(first, last)| Error::NoFix {
+    let fixes = started(&drive.frames.iter().copied(), fixes).map_err(|(first, last)| Error::NoFix {
         path: path.to_path_buf(),
         first,
         last,
@@ -204,7 +204,7 @@ pub fn read_fixes(drive: &Drive, path: &Path, config: &Config) -> Result<BTreeMa
 
 /// The fixes, if one of them lies on the frames; else which frames these are.
 fn started(
-    frames: impl Iterator<Item = usize> + Clone,
+    frames: &(impl Iterator<Item = usize> + Clone),
     fixes: BTreeMap<usize, GpsFix>,
 ) -> std::result::Result<BTreeMap<usize, GpsFix>, (usize, usize)> {
     let ends = frames.clone().next().zip(frames.clone().last()).unwrap_or((0, 0));

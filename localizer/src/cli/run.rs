@@ -92,7 +92,7 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     args.check_apart(&drive)?;
     let fixes = match &args.gps {
         Some(path) => read_fixes(&drive, path, &config)?,
-        None => simulated(drive.frames.iter().copied(), &args.input.true_poses(&drive)?, &config, args.gps_seed)?,
+        None => simulated(&drive.frames.iter().copied(), &args.input.true_poses(&drive)?, &config, args.gps_seed)?,
     };
     let mut input = args.input.read(wheels.is_some(), &config, |drive, frame, seen| {
         args.save_labels.as_ref().map_or(Ok(()), |folder| drive.camera.write_labels(folder, frame, seen))

@@ -89,7 +89,7 @@ fn localize_once(
     config: &Config,
     seed: u64,
 ) -> Result<Draw> {
-    let fixes = simulated(input.drive.frames.iter().copied(), truth, config, seed)?;
+    let fixes = simulated(&input.drive.frames.iter().copied(), truth, config, seed)?;
     let localizer =
         Localizer::new(method, &mut input.map, &input.drive.camera.pinhole, input.drive.camera.seen_px(), config);
     let results = localize(&input.frames, &fixes, odometry, localizer)?;

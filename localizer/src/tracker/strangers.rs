@@ -44,7 +44,9 @@ mod tests {
         let strange = Foreseen { expected: 1.0, found: 0.0, seen: 4.0, known: 0.0 };
         let of = |shown: &[Foreseen]| {
             let mut strangers = Strangers::default();
-            shown.iter().for_each(|now| strangers.see(now));
+            for now in shown {
+                strangers.see(now);
+            }
             strangers.are_all(&health)
         };
         assert!(of(&[strange; 3]) && !of(&[strange; 2]));

@@ -127,7 +127,7 @@ impl Drive {
     ///
     /// # Errors
     /// What the sequence lacks, [`Error::NoScanChosen`], [`Error::OtherFiles`], or
-    /// [`Error::NoScanFiles`] where it holds no scan to stitch.
+    /// [`Error::EmptyFolder`] where it holds no scan to stitch.
     pub fn open(
         root: &FilePath,
         sequence: &str,

@@ -67,6 +67,15 @@ pub struct SourceArgs {
 }
 
 impl SourceArgs {
+    /// That there is any.
+    ///
+    /// # Errors
+    /// [`Error::NoFeatureSource`] where there is none.
+    pub fn check(&self) -> Result<()> {
+        let any = [&self.pole_net, &self.lane_net, &self.labels].into_iter().any(Option::is_some);
+        if any { Ok(()) } else { Err(Error::NoFeatureSource) }
+    }
+
     /// Opens it.
     ///
     /// # Errors

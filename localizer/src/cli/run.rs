@@ -9,6 +9,7 @@ use super::ConfigArgs;
 use super::input::{Input, InputArgs, read_fixes, simulated};
 use crate::drive::{CAMERA, Drive};
 use crate::estimate::Status;
+use crate::local_map::LocalMap;
 use crate::overlay::{self, ProjectedShape};
 use crate::preselect::{Candidates, Lookup, Reach};
 use crate::projection::View;
@@ -87,7 +88,9 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     for folder in [Some(&out), args.save_labels.as_ref(), args.overlay.as_ref()].into_iter().flatten() {
         common::atomic_file::check_folder(folder)?;
     }
-    // What starts it is read before all images are looked at, which takes long.
+    // Whatever can be wrong is found before all images are looked at, which takes long.
+    LocalMap::open(&super::required(args.input.map.as_ref(), "--map")?, &config.local_map)?;
+    args.input.source.check()?;
     let drive = args.input.open_drive(&config)?;
     args.check_apart(&drive)?;
     let fixes = match &args.gps {

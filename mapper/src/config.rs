@@ -62,6 +62,7 @@ pub const LIMITS: &[Limits] = &[
     limits("input.deal.reach_m", 1.0, 1e6),
     limits("input.deal.cell_m", 0.05, 100.0),
     limits("input.deal.lying_m", 0.0, 100.0),
+    limits("input.strip_m", 0.01, 1.0),
     limits("input.*_s", 0.0, 3600.0),
     limits("lidar.*_step_rad", 1e-5, 0.2),
     limits("lidar.apex_m", -10.0, 10.0),

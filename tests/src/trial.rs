@@ -157,7 +157,7 @@ impl LookArgs {
             are_beside_wheels: wheels.is_some(),
             config: config.clone(),
         };
-        let input = self.input.read(wheels.is_some(), &config, |_, _, _| Ok(()))?;
+        let input = self.input.read(wheels.is_some(), &config)?;
         let images = Some(images).filter(|_| wheels.is_none() || input.drive.moves_by_images());
         // The map as a whole, for it may be moved; `read` saw that it is given.
         let map = self.input.map.as_ref().map(common::map::read).transpose()?.unwrap_or_default();

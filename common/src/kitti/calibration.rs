@@ -151,16 +151,26 @@ Tr: 0 -1 0 0.01 0 0 -1 -0.08 1 0 0 -0.27
     }
 
     #[test]
-    fn the_place_of_the_lidar_needs_no_projection() {
+    fn the_place_of_the_lidar_needs_no_projection_and_a_camera_needs_no_lidar() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("calib.txt");
-        let only = |keys: &[&str]| {
+        let keep = |keys: &[&str]| {
             let lines: Vec<&str> = CALIB.lines().filter(|line| keys.iter().any(|key| line.starts_with(key))).collect();
             std::fs::write(&path, lines.join("\n")).unwrap();
+        };
+        let lidar = |keys: &[&str]| {
+            keep(keys);
             Calibration::read_camera_from_velodyne(&path)
         };
-        assert_eq!(only(&["P2", "Tr"]).unwrap(), read(CALIB).unwrap().camera_from_velodyne);
-        assert!(matches!(only(&["P2"]), Err(Error::MissingCalibration { key, .. }) if key == "Tr"));
+        let camera = |keys: &[&str]| {
+            keep(keys);
+            Calibration::read_camera(&path, 2)
+        };
+        let whole = read(CALIB).unwrap();
+        assert_eq!(lidar(&["P2", "Tr"]).unwrap(), whole.camera_from_velodyne);
+        assert!(matches!(lidar(&["P2"]), Err(Error::MissingCalibration { key, .. }) if key == "Tr"));
+        assert_eq!(camera(&["P2"]).unwrap(), whole.camera(2));
+        assert!(matches!(camera(&["P0", "Tr"]), Err(Error::MissingCalibration { key, .. }) if key == "P2"));
     }
 
     #[test]

@@ -67,15 +67,6 @@ pub struct SourceArgs {
 }
 
 impl SourceArgs {
-    /// That there is any.
-    ///
-    /// # Errors
-    /// [`Error::NoFeatureSource`] where there is none.
-    pub fn check(&self) -> Result<()> {
-        let any = [&self.pole_net, &self.lane_net, &self.labels].into_iter().any(Option::is_some);
-        if any { Ok(()) } else { Err(Error::NoFeatureSource) }
-    }
-
     /// Opens it.
     ///
     /// # Errors
@@ -85,6 +76,14 @@ impl SourceArgs {
             [&self.pole_net, &self.lane_net].into_iter().flatten().map(PathBuf::as_path).collect();
         Source::open(&networks, self.runtime, self.labels.as_deref())
     }
+}
+
+/// A map, and a drive whose images have not been looked at yet.
+pub struct Opened {
+    /// The drive.
+    pub drive: Drive,
+    map: LocalMap,
+    source: Source,
 }
 
 /// A drive whose images have been looked at.
@@ -128,20 +127,51 @@ impl InputArgs {
         }
     }
 
-    /// Reads the map and looks at all images, as they are asked where wheels tell the
-    /// motion; `seen` is called for each frame.
+    /// Opens the map, where features come from, and the drive.
     ///
     /// # Errors
-    /// Where an option is missing or a file cannot be read, and what `seen` says.
-    pub fn read(
-        &self,
+    /// Where an option is missing or a file cannot be read.
+    pub fn open(&self, config: &Config) -> Result<Opened> {
+        let map = LocalMap::open(&super::required(self.map.as_ref(), "--map")?, &config.local_map)?;
+        let source = self.source.open()?;
+        Ok(Opened { drive: self.open_drive(config)?, map, source })
+    }
+
+    /// Opens these and looks at all images, as [`Opened::watch`] does.
+    ///
+    /// # Errors
+    /// As [`Self::open`] and [`Opened::watch`].
+    pub fn read(&self, has_wheels: bool, config: &Config) -> Result<Input> {
+        self.open(config)?.watch(has_wheels, config, |_, _, _| Ok(()))
+    }
+
+    /// The true poses of all frames of the drive.
+    ///
+    /// # Errors
+    /// Where they cannot be read, [`Error::NoTruth`] where none are given and there are none.
+    pub fn true_poses(&self, drive: &Drive) -> Result<Vec<Pose>> {
+        let Some(path) = &self.truth else {
+            let path = drive.sequence.poses_path();
+            return if path.exists() { Ok(drive.sequence.poses()?) } else { Err(Error::NoTruth { path }) };
+        };
+        Ok(drive.sequence.poses_from(path)?)
+    }
+}
+
+impl Opened {
+    /// Looks at all images, as they are asked where wheels tell the motion; `seen` is called
+    /// for each frame.
+    ///
+    /// # Errors
+    /// Where an image cannot be read, [`Error::FaintLabels`] where they hold hardly anything,
+    /// and what `seen` says.
+    pub fn watch(
+        self,
         has_wheels: bool,
         config: &Config,
         mut seen: impl FnMut(&Drive, usize, &Seen) -> Result<()>,
     ) -> Result<Input> {
-        let map = LocalMap::open(&super::required(self.map.as_ref(), "--map")?, &config.local_map)?;
-        let source = self.source.open()?;
-        let drive = self.open_drive(config)?;
+        let Self { drive, map, source } = self;
         let bar = progress(drive.frames.len(), "features");
         let mut largest = 0;
         let watched = watch(&drive, drive.frames.iter().copied(), &source, has_wheels, config, |frame, found| {
@@ -157,18 +187,6 @@ impl InputArgs {
         }
         let Watched { frames, motion } = watched;
         Ok(Input { map, drive, frames, motion })
-    }
-
-    /// The true poses of all frames of the drive.
-    ///
-    /// # Errors
-    /// Where they cannot be read.
-    pub fn true_poses(&self, drive: &Drive) -> Result<Vec<Pose>> {
-        let Some(path) = &self.truth else {
-            let path = drive.sequence.poses_path();
-            return if path.exists() { Ok(drive.sequence.poses()?) } else { Err(Error::NoTruth { path }) };
-        };
-        Ok(drive.sequence.poses_from(path)?)
     }
 }
 

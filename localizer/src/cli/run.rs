@@ -9,7 +9,6 @@ use super::ConfigArgs;
 use super::input::{Input, InputArgs, read_fixes, simulated};
 use crate::drive::{CAMERA, Drive};
 use crate::estimate::Status;
-use crate::local_map::LocalMap;
 use crate::overlay::{self, ProjectedShape};
 use crate::preselect::{Candidates, Lookup, Reach};
 use crate::projection::View;
@@ -68,9 +67,9 @@ impl RunArgs {
             place.is_ok_and(|place| std::fs::canonicalize(read).is_ok_and(|read| read == place))
         };
         for (option, written) in [("--overlay", &self.overlay), ("--save-labels", &self.save_labels)] {
-            let read = [&images, &self.input.source.labels].into_iter().flatten();
             let Some(written) = written else { continue };
-            if read.into_iter().any(|read| same(written, read)) {
+            let mut read = [&images, &self.input.source.labels].into_iter().flatten();
+            if read.any(|read| same(written, read)) {
                 return Err(Error::WritesOverImages { option, folder: written.clone() });
             }
         }
@@ -89,15 +88,14 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
         common::atomic_file::check_folder(folder)?;
     }
     // Whatever can be wrong is found before all images are looked at, which takes long.
-    LocalMap::open(&super::required(args.input.map.as_ref(), "--map")?, &config.local_map)?;
-    args.input.source.check()?;
-    let drive = args.input.open_drive(&config)?;
-    args.check_apart(&drive)?;
+    let opened = args.input.open(&config)?;
+    let drive = &opened.drive;
+    args.check_apart(drive)?;
     let fixes = match &args.gps {
-        Some(path) => read_fixes(&drive, path, &config)?,
-        None => simulated(&drive.frames.iter().copied(), &args.input.true_poses(&drive)?, &config, args.gps_seed)?,
+        Some(path) => read_fixes(drive, path, &config)?,
+        None => simulated(&drive.frames.iter().copied(), &args.input.true_poses(drive)?, &config, args.gps_seed)?,
     };
-    let mut input = args.input.read(wheels.is_some(), &config, |drive, frame, seen| {
+    let mut input = opened.watch(wheels.is_some(), &config, |drive, frame, seen| {
         args.save_labels.as_ref().map_or(Ok(()), |folder| drive.camera.write_labels(folder, frame, seen))
     })?;
     if let Some((wheels, path)) = wheels.as_ref().zip(args.odometry.as_ref()) {

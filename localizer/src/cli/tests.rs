@@ -214,3 +214,42 @@ fn all_settings_survive_their_file() {
     assert_eq!(common::config::load::<Config>(&path).unwrap(), Config::default());
     assert!(run_words(&format!("run --config {} --print-config", path.display())).unwrap());
 }
+
+#[test]
+fn what_would_be_misread_or_written_over_is_told_before_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path().display();
+    write_drive(folder.path(), 3);
+    let drive = format!("--map {at}/90.csm --kitti {at}/kitti --sequence 90 --labels {at}/labels --out {at}/o");
+    let message = |words: &str| run_words(&format!("run {drive} {words}")).unwrap_err().to_string();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    // Speeds of other units, or in another column, are numbers, too.
+    for names in ["t_s,speed_km_h,yaw_rate_deg_s", "t_s,yaw_rate_rad_s,speed_m_s"] {
+        write("wheels.csv", &format!("# a log\n{names}\n0.0,1,0\n0.1,1,0\n0.2,1,0\n"));
+        let said = message(&format!("--odometry {at}/wheels.csv"));
+        assert!(said.contains(names) && said.contains("line 2") && said.contains("in this order"), "{said}");
+    }
+    write("wheels.csv", "\"t_s\",\"speed_m_s\",\"yaw_rate_rad_s\"\n0.0,1,0\n0.1,1,0\n0.2,1,0\n");
+    assert!(run_words(&format!("run {drive} --odometry {at}/wheels.csv")).unwrap());
+    write("gps.csv", "t_s,x_m,y_m,z_m\n0.0,1,2\n");
+    assert!(message(&format!("--gps {at}/gps.csv")).contains("line 2 has 3 columns"));
+    let over = message(&format!("--save-labels {at}/kitti/../labels"));
+    assert!(over.contains("`--save-labels` would write over the images"), "{over}");
+    // Nothing of these three is found after all images.
+    std::fs::rename(folder.path().join("kitti/poses"), folder.path().join("kitti/hidden")).unwrap();
+    let untrue = message("");
+    assert!(untrue.contains("90.txt is missing") && untrue.contains("`--gps`"), "{untrue}");
+    // Masks of 0 and 1.
+    for frame in 0..3 {
+        let maps = labels::read(&folder.path().join("labels"), frame, None).unwrap();
+        let mut masks = ProbabilityMaps::zeros(maps.width(), maps.height());
+        for class in Class::ALL {
+            let mask = maps.plane(class).data().iter().map(|value| u8::from(*value > 127)).collect();
+            masks.set(class, Plane::new(maps.width(), mask).unwrap()).unwrap();
+        }
+        labels::write(&folder.path().join("labels"), frame, &masks).unwrap();
+    }
+    write("gps.txt", "0.0 0 0 0\n");
+    let faint = message(&format!("--gps {at}/gps.txt"));
+    assert!(faint.contains("over 1 of 255") && faint.contains("labels"), "{faint}");
+}

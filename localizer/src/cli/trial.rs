@@ -48,7 +48,7 @@ pub fn execute(args: &TrialArgs) -> Result<bool> {
         method.check(&[(args.odometry.is_some(), "--odometry"), (config.gps.fuse, "gps.fuse")])?;
     }
     let wheels = args.input.read_odometry(args.odometry.as_deref(), &config)?;
-    let mut input = args.input.read(wheels.is_some(), &config, |_, _, _| Ok(()))?;
+    let mut input = args.input.read(wheels.is_some(), &config)?;
     let odometry = odometry(wheels, &input.motion, &mut config);
     let truth = args.input.true_poses(&input.drive)?;
     let methods = args.method.map_or_else(|| vec![Method::Robust, Method::Paper], |method| vec![method]);

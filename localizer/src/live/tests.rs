@@ -46,7 +46,7 @@ fn a_drive_that_comes_image_by_image_is_localized_as_the_whole_and_forgotten() {
             live.received.gps(time_s(frame), *fix);
         }
         said.extend(live.image(frame, time_s(frame), seen(&world, frame)).unwrap());
-        assert!(live.log.log().len() <= 1 && live.sway.is_empty(), "{frame}");
+        assert!(live.log.log().len() <= 1, "{frame}");
         let features = world.features(frame);
         frames.push(FrameFeatures { frame, time_s: time_s(frame), features, maps_ms: 0.0, features_ms: 0.0 });
     }

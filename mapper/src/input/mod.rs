@@ -35,28 +35,11 @@ pub use self::deskew::Deskew;
 pub use self::map_frame::{MapFrame, World};
 pub use self::raw::open_raw;
 pub use self::scans::{ScanInput, open_scans};
+pub use self::stitched::open_stitched;
 pub use self::survey::SurveyFrame;
 pub(crate) use self::survey::assumed_times_s;
-use crate::drive::{Choice, Drive};
 use crate::error::Result;
 use crate::lidar::LidarConfig;
-
-/// Opens a stitched LAS or LAZ cloud, in the world of its trajectory.
-///
-/// # Errors
-/// A cloud or a trajectory that cannot be read, [`crate::Error::CloudApart`] where no
-/// point is near the trajectory, and as [`Drive::open`].
-pub fn open_stitched(
-    input: &ScanInput,
-    choice: Choice,
-    max_range_m: f32,
-    config: &InputConfig,
-    lidar: &LidarConfig,
-) -> Result<Drive> {
-    let mut drive = stitched::open_stitched(input, choice, max_range_m, config, lidar)?;
-    drive.frame = survey::map_frame(input)?;
-    Ok(drive)
-}
 
 /// No point is farther than this, metres: squared it is a number still.
 const ANY_RANGE_M: f32 = 1e18;

@@ -24,9 +24,10 @@ use rayon::prelude::*;
 use super::Source;
 use super::config::InputConfig;
 use super::formats::{are_noise, at_a_time, cut_off, las_reader};
+use super::map_frame::MapFrame;
 use super::order::Tour;
 use super::scans::ScanInput;
-use super::slices::{Cut as SlicesCut, Held, Slices};
+use super::slices::{Cut, Held, Slices};
 use super::survey::{Placement, Poses, assumed_times_s, times_of_rows};
 use crate::cloud::without_standing;
 use crate::drive::{Choice, Drive, Survey};
@@ -82,20 +83,20 @@ pub fn open_stitched(
     };
     let cutter = cutter(&places);
     let mut slices = Slices::new(input.path, lidar)?;
-    let cut = cutter.cut(input.path, slices.folder(), timed)?;
-    if cut.used == 0 {
+    let tally = cutter.cut(input.path, slices.folder(), timed)?;
+    if tally.used == 0 {
         return Err(Error::CloudApart {
             cloud: input.path.to_path_buf(),
             survey: input.survey.to_path_buf(),
-            points: cut.points,
+            points: tally.points,
         });
     }
-    slices.put_full_scale(config.full_scale(cut.largest_intensity));
+    slices.put_full_scale(config.full_scale(tally.largest_intensity));
     let tour = times_s.as_ref().filter(|_| timed).map(|times_s| Tour {
         times_s: times_s.clone(),
         map_from_velodyne: map_from_camera.iter().map(|pose| pose * placement.camera_from_velodyne).collect(),
     });
-    slices.put_cut(SlicesCut {
+    slices.put_cut(Cut {
         places: places.iter().copied().zip(cutter.velodyne_from_map).collect(),
         tour,
         config: *config,
@@ -103,23 +104,28 @@ pub fn open_stitched(
     let mut notes: Vec<String> = placement.note().into_iter().collect();
     notes.push(format!(
         "{} of {} points lie along the trajectory, cut by {}; intensities up to {}, of which {} counts as a reflectance of 1",
-        cut.used,
-        cut.points,
+        tally.used,
+        tally.points,
         if timed { "time" } else { "position, and what stands dealt to the places that may have seen it" },
-        cut.largest_intensity,
+        tally.largest_intensity,
         slices.full_scale()
     ));
     notes.extend(fit.zip(times_s.as_ref()).and_then(|(fit, times_s)| fit.note(input, times_s)));
-    if cut.noise > 0 {
-        notes.push(format!("{} points are withheld or of the classes of noise, 7 and 18, and are left out", cut.noise));
+    if tally.noise > 0 {
+        notes.push(format!(
+            "{} points are withheld or of the classes of noise, 7 and 18, and are left out",
+            tally.noise
+        ));
     }
     notes.push("a stitched cloud has no single scans: its poses are taken as given, and what moved stays in it".into());
     let times_s = times_s.unwrap_or_else(|| assumed_times_s(poses.len()));
     let path = input.survey.to_path_buf();
+    let frame = MapFrame::of_survey(input.frame, &placement.reduced_by_m);
     let Placement { camera_from_velodyne, camera_is_thought, .. } = placement;
     let survey = Survey { path, map_from_camera, times_s, camera_from_velodyne, camera_is_thought };
     let mut drive = Drive::new(Source::Stitched(slices.into()), &places, survey, choice, max_range_m)?;
     drive.notes = notes;
+    drive.frame = frame;
     drive.frames = places;
     Ok(drive)
 }
@@ -214,7 +220,7 @@ struct CloudPoint {
 }
 
 /// What became of a cloud.
-struct Cut {
+struct Tally {
     points: usize,
     used: usize,
     /// Those that the cloud says to be withheld or noise.
@@ -281,10 +287,10 @@ impl<'a> Cutter<'a> {
         nearest(&self.stations_m, place.station_m)
     }
 
-    fn cut(&self, cloud: &Path, folder: &Path, timed: bool) -> Result<Cut> {
+    fn cut(&self, cloud: &Path, folder: &Path, timed: bool) -> Result<Tally> {
         let mut reader = las_reader(cloud)?;
         let promised = reader.header().number_of_points();
-        let mut cut = Cut { points: 0, used: 0, noise: 0, largest_intensity: 0.0 };
+        let mut tally = Tally { points: 0, used: 0, noise: 0, largest_intensity: 0.0 };
         let mut held = Held::new(folder, self.places, self.config.held_points);
         let mut path = QuickPath::new(&self.path);
         loop {
@@ -292,7 +298,7 @@ impl<'a> Cutter<'a> {
             if data.is_empty() {
                 break;
             }
-            cut.points += data.len();
+            tally.points += data.len();
             let times: Vec<f64> = data.gps_time().map_or_else(Vec::new, Iterator::collect);
             let positions =
                 data.x().zip(data.y()).zip(data.z()).zip(data.intensity()).zip(are_noise(&data)).enumerate();
@@ -304,7 +310,7 @@ impl<'a> Cutter<'a> {
                     time_s: times.get(i).copied(),
                 })
                 .collect();
-            cut.noise += data.len() - points.len();
+            tally.noise += data.len() - points.len();
             let is_in_space = |p: &CloudPoint| !timed || p.time_s.is_none();
             let ground = |p: &CloudPoint| Point2::new(p.position_map.x, p.position_map.z);
             path.expect(&points.iter().filter(|p| is_in_space(p)).map(ground).collect::<Vec<_>>());
@@ -318,17 +324,17 @@ impl<'a> Cutter<'a> {
             let seen: Vec<Option<(usize, Point3<f64>)>> = points.par_iter().map(seen).collect();
             for (CloudPoint { intensity, time_s, .. }, seen) in points.iter().zip(seen) {
                 let Some((place, point)) = seen else { continue };
-                cut.largest_intensity = cut.largest_intensity.max(*intensity);
+                tally.largest_intensity = tally.largest_intensity.max(*intensity);
                 let [x_m, y_m, z_m] = [point.x as f32, point.y as f32, point.z as f32];
                 held.add(place, ScanPoint { x_m, y_m, z_m, reflectance: *intensity }, *time_s)?;
-                cut.used += 1;
+                tally.used += 1;
             }
         }
-        if (cut.points as u64) < promised {
-            return Err(cut_off(cloud, promised, cut.points));
+        if (tally.points as u64) < promised {
+            return Err(cut_off(cloud, promised, tally.points));
         }
         held.put_away()?;
-        Ok(cut)
+        Ok(tally)
     }
 }
 

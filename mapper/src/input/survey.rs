@@ -7,8 +7,6 @@ use common::kitti::{Calibration, read_times};
 use common::trajectory::{PoseFile, StampedRow, read_pose_file};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::map_frame::MapFrame;
-use super::scans::ScanInput;
 use crate::error::{Error, Result};
 
 /// Which poses a survey holds, and the axes of the frame that they lead to.
@@ -105,16 +103,6 @@ impl Placement {
         let by = format!("({x}, {y}, {z}) m; give other drives of this frame --reduce {x},{y},{z}");
         (self.reduced_by_m.norm() > 0.0).then(|| format!("the survey's coordinates are reduced by {by}"))
     }
-}
-
-/// The frame of the map of an input.
-///
-/// # Errors
-/// As [`Placement::new`] and [`Poses::read`].
-pub fn map_frame(input: &ScanInput) -> Result<MapFrame> {
-    let poses = Poses::read(input.survey)?;
-    let placement = Placement::new(input.frame, input.calibration, poses.first(), input.reduced_by_m)?;
-    Ok(MapFrame::of_survey(placement.frame, &placement.reduced_by_m))
 }
 
 /// A file of poses.

@@ -47,13 +47,16 @@ pub fn at_a_time(reader: &Reader) -> u64 {
 /// Classes of noise, LAS 1.4 R15, table 17: low and high points.
 const NOISE: [u8; 2] = [7, 18];
 
+/// The byte of a record that says whether it is withheld, in all formats.
+const FLAGS: usize = 15;
+
 /// Of each of some points whether the file says that it is withheld, or of a class of noise.
 pub fn are_noise(data: &PointData) -> impl Iterator<Item = bool> {
-    // The third of the bits of flags behind those of the returns, or the last of the class.
-    let (byte, bit) = if data.format().is_extended { (15, 0b100) } else { (15, 0b1000_0000) };
+    // The third of the bits of flags, or in older formats the last bit of the class.
+    let bit = if data.format().is_extended { 0b100 } else { 0b1000_0000 };
     let records = data.raw_bytes().chunks_exact(data.record_len().max(1));
     records.zip(data.classification()).map(move |(record, class)| {
-        let is_withheld = record.get(byte).is_some_and(|flags| flags & bit != 0);
+        let is_withheld = record.get(FLAGS).is_some_and(|flags| flags & bit != 0);
         is_withheld || NOISE.contains(&class)
     })
 }

@@ -133,6 +133,7 @@ pub const LIMITS: &[Limits] = &[
     limits("health.search_sigma_rad", 1e-3, 0.5),
     limits("health.*search_sigma_m", 0.1, 100.0),
     limits("health.foreseen_memory_m", 0.1, 1e5),
+    limits("health.least_foreseen_anew", 0.0, 2.0),
     limits("health.least_foreseen*", 0.0, 1.0),
     limits("health.enough_known", 0.0, 1.0),
     limits("health.strange_images", 1.0, 1e6),

@@ -19,6 +19,9 @@ use crate::road_index::{Cells, RoadIndex};
 pub use surroundings::{LocalMapConfig, Usage};
 use surroundings::{Surroundings, area_of};
 
+/// Nearer than this to the end of a path a place is the end, metres.
+const SAME_M: f64 = 1e-6;
+
 /// A road that a query has found. Keys are good until the next frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RoadKey {
@@ -204,6 +207,33 @@ impl LocalMap {
     /// The same, where it is no further than `reach_m` away.
     pub fn path_within(&self, roads: &[RoadKey], position_map: &Point3<f64>, reach_m: f64) -> Option<PathPlace> {
         self.nearest_path(roads, position_map).filter(|place| place.distance_m(position_map) <= reach_m)
+    }
+
+    /// How far a position lies beyond an end of the map, metres: in front of the end of a road
+    /// that is the nearest place of all `roads`, and from which no other goes on within
+    /// `joins_m`. None where it lies on a road, or beside one.
+    pub fn beyond_end_m(&self, roads: &[RoadKey], position_map: &Point3<f64>, joins_m: f64) -> Option<f64> {
+        let mut nearest: Option<(f64, RoadKey, Point3<f64>)> = None;
+        for &road in roads {
+            let place = self.nearest_path(&[road], position_map);
+            let Some((off_m, place)) = place.map(|place| (place.distance_m(position_map), place)) else { continue };
+            if nearest.as_ref().is_none_or(|(least_m, ..)| off_m < *least_m) {
+                nearest = Some((off_m, road, place.point_map));
+            }
+        }
+        let (_, road, end_map) = nearest?;
+        let path_map = self.path(road);
+        let outward = match path_map {
+            [first, second, ..] if (first - end_map).norm() < SAME_M => first - second,
+            [.., second, last] if (last - end_map).norm() < SAME_M => last - second,
+            _ => return None,
+        };
+        let goes_on = |other: &RoadKey| self.path_within(&[*other], &end_map, joins_m).is_some();
+        if roads.iter().filter(|other| **other != road).any(goes_on) {
+            return None;
+        }
+        let ahead_m = (position_map - end_map).xz().dot(&outward.xz()) / outward.xz().norm();
+        (ahead_m > 0.0).then_some(ahead_m)
     }
 
     /// What was read of an atlas; none for a map that is held as a whole.

@@ -12,11 +12,13 @@ mod bank;
 mod believed;
 mod clock;
 mod coast;
+mod constrain;
 mod course;
 mod health;
 mod hypothesis;
 mod mean;
 mod nearby;
+mod outside;
 mod region;
 mod rivals;
 mod search;
@@ -35,7 +37,7 @@ use health::{Context, Verdict};
 pub use nearby::NearbyConfig;
 pub use rivals::RivalConfig;
 
-use common::geometry::{PinholeCamera, Pose};
+use common::geometry::{PinholeCamera, Pose, local};
 
 use crate::Result;
 use crate::associate::robust::{Associator, Refined};
@@ -49,6 +51,7 @@ use crate::preselect::{Lookup, Reach};
 use crate::projection::ImageSize;
 use crate::start::Search;
 use hypothesis::Hypothesis;
+use outside::Lineage;
 use region::Region;
 use sight::Sight;
 use strangers::Strangers;
@@ -289,6 +292,7 @@ impl<'a> Tracker<'a> {
         for jump in jumps {
             self.add(jump);
         }
+        self.level_outside();
         self.sort();
         if let Some(interval) = self.bank.first().and_then(|best| best.interval) {
             self.clock.learn(&interval, &self.config.clock);
@@ -327,6 +331,9 @@ impl<'a> Tracker<'a> {
         let verdict = health::judge(best, &context, self.verdict, &self.config.health);
         self.verdict = Some(verdict);
         let status = self.unseen.judged(verdict.status, shows_the_same);
+        // One of many that may be right: it is still being searched.
+        let is_candidate = best.lineage.is_from_afar && status != Status::Ok;
+        let status = if is_candidate { Status::Lost } else { status };
         // What shows the same again confirms nothing.
         if verdict.is_followed && !shows_the_same {
             self.unfollowed_s = 0.0;
@@ -347,9 +354,13 @@ impl<'a> Tracker<'a> {
         if let Some(unseen) = self.unseen.covariance(&map_from_camera, &self.config.unseen) {
             covariance += unseen;
         }
+        if let Some(region) = self.region.searched(&self.config.gps).filter(|_| is_candidate) {
+            let off = local(&map_from_camera, &region.map_from_camera);
+            covariance += region.pose_covariance() + off * off.transpose();
+        }
         let mut correspondences = self.said.take().map_or_else(Vec::new, |said| said.correspondences);
         correspondences.clone_from(&best.correspondences);
-        Some(self.said.insert(PoseEstimate {
+        self.said = Some(PoseEstimate {
             map_from_camera,
             covariance,
             correspondences,
@@ -360,7 +371,11 @@ impl<'a> Tracker<'a> {
             support: best.support,
             margin: margin.min(lead),
             time_sigma_s: self.clock.variance_s2().sqrt(),
-        }))
+        });
+        if let Some(best) = self.bank.first_mut().filter(|_| status == Status::Ok) {
+            best.lineage = Lineage { was_ok: true, is_from_afar: false, ..best.lineage };
+        }
+        self.said.as_ref()
     }
 }
 

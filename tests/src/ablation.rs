@@ -191,7 +191,10 @@ impl Step {
             Self::Support => config.health.min_support = -NEVER,
             Self::Contradiction => config.health.max_contradiction_sigmas = NEVER,
             Self::Verified => config.health.verify_frames = 0,
-            Self::Promised => (config.health.least_foreseen, config.health.least_foreseen_anew) = (0.0, 0.0),
+            Self::Promised => {
+                let health = &mut config.health;
+                (health.least_foreseen, health.least_foreseen_anew, health.least_foreseen_again) = (0.0, 0.0, 0.0);
+            }
             Self::Carried => config.health.most_missed = -NEVER,
         }
         trial

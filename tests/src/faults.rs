@@ -15,7 +15,7 @@ use localizer::odometry::{Odometry, OdometryLog};
 use localizer::run::{FrameFeatures, FrameResult};
 use localizer::watch::Delivery;
 use nalgebra::{UnitVector3, Vector3};
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::Serialize;
 
@@ -46,6 +46,8 @@ const TOLD_EVERY: usize = 100;
 const GAP_FRAMES: usize = 100;
 const FIRST_GAP: usize = 30;
 const GAP_EVERY: usize = 200;
+/// Frames that always come: those of which the start has fixes.
+const STARTED: usize = 2;
 /// Every which frame is dropped, delivered twice or the only one that comes.
 const EVERY_FIFTH: usize = 5;
 
@@ -83,6 +85,10 @@ pub enum Fault {
     /// All poles, signs and lights of the map stand 5 to 25 m further on or back along
     /// the way, each by its own: the map of a street of the same road and lines.
     MapOther,
+    /// The map ends half of the way, and the vehicle goes on.
+    MapEnds,
+    /// A third of the map is missing in its middle: two surveys that do not meet.
+    MapTorn,
     /// The camera stands 0.1 m to the right of where the calibration has it,
     /// and is turned by 0.5 degrees to the right and up.
     Extrinsics,
@@ -94,6 +100,9 @@ pub enum Fault {
     Intrinsics,
     /// Every fifth frame is missing.
     Dropped,
+    /// Half of the frames are missing, each by chance.
+    #[value(name = "dropped-50")]
+    Dropped50,
     /// Of five frames one comes: the camera is slow.
     Slow,
     /// Every fifth frame comes twice, with the same time.
@@ -172,6 +181,8 @@ impl Fault {
                 signals::fix_each_second(&mut trial, seed);
             }
             Self::MapOther => signals::shift_objects(&mut trial, 5.0..25.0, &mut random),
+            Self::MapEnds => signals::keep_roads(&mut trial, |share| share < 0.5),
+            Self::MapTorn => signals::keep_roads(&mut trial, |share| !(0.33..0.67).contains(&share)),
             Self::Extrinsics => {
                 let right_and_up = UnitVector3::new_normalize(Vector3::new(1.0, 1.0, 0.0));
                 signals::move_camera(&mut trial, Vector3::new(0.1, 0.0, 0.0));
@@ -187,6 +198,7 @@ impl Fault {
             }
             Self::Intrinsics => signals::scale_focal_lengths(&mut trial, 1.01),
             Self::Dropped => signals::keep(&mut trial, |index| index % EVERY_FIFTH != EVERY_FIFTH - 1),
+            Self::Dropped50 => signals::keep(&mut trial, |index| index < STARTED || random.random_bool(0.5)),
             Self::Slow => signals::keep(&mut trial, |index| index.is_multiple_of(EVERY_FIFTH)),
             Self::Doubled => signals::double_every(&mut trial, EVERY_FIFTH),
             Self::Stale => signals::hold_every(&mut trial, EVERY_FIFTH),
@@ -229,8 +241,9 @@ impl Fault {
     /// Whether it spoils the images or their times, and not only what is found in
     /// them.
     fn is_of_images(self) -> bool {
-        use Fault::{Black, Clock, Clock25, Doubled, Dropped, Frozen, Gap, Kidnapped, Slow, Stale};
-        matches!(self, Black | Frozen | Gap | Slow | Kidnapped | Dropped | Doubled | Stale | Clock | Clock25)
+        use Fault::{Black, Clock, Clock25, Doubled, Dropped, Dropped50, Frozen, Gap, Kidnapped, Slow, Stale};
+        let is_late = matches!(self, Doubled | Stale | Clock | Clock25);
+        is_late || matches!(self, Black | Frozen | Gap | Slow | Kidnapped | Dropped | Dropped50)
     }
 
     /// The word for it on the command line and in the table.

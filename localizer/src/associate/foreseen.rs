@@ -51,6 +51,14 @@ impl Foreseen {
     pub fn known_share(&self) -> f64 {
         self.known / (self.seen + 2.0)
     }
+
+    /// [`Self::share`] and the share of the posts that were seen that the map knows,
+    /// together: of these `usual` before any was, and as far as the map promises none.
+    pub fn agreement(&self, usual: f64) -> f64 {
+        let promised = self.expected / (self.expected + 2.0);
+        let known = (self.known + 2.0 * usual) / (self.seen + 2.0);
+        self.share() + promised * known + (1.0 - promised) * usual
+    }
 }
 
 #[cfg(test)]
@@ -95,6 +103,17 @@ mod tests {
         }
         foreseen.add(&Foreseen { seen: 800.0, known: 400.0, ..Foreseen::default() }, 2.0);
         assert!((foreseen.share() - 0.5).abs() < 0.01 && (foreseen.known_share() - 0.5).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_map_agrees_that_promises_what_is_there_and_knows_what_is_seen() {
+        let of = |expected: f64, found: f64, seen: f64, known: f64| Foreseen { expected, found, seen, known };
+        let agreement = |of: Foreseen| of.agreement(0.45);
+        // Nothing is known yet, or the map has nothing but lines.
+        assert!((agreement(of(0.0, 0.0, 0.0, 0.0)) - 1.45).abs() < 1e-12);
+        assert!((agreement(of(0.0, 0.0, 500.0, 0.0)) - 1.45).abs() < 1e-12);
+        assert!((agreement(of(1e6, 1e6, 1e6, 6e5)) - 1.6).abs() < 1e-3);
+        assert!((agreement(of(1e6, 5e5, 1e6, 3e5)) - 0.8).abs() < 1e-3);
     }
 
     #[test]

@@ -53,6 +53,19 @@ fn the_path_gives_height_and_direction() {
     assert!(map.nearest_path(&[], &Point3::origin()).is_none());
 }
 
+#[test]
+fn in_front_of_the_end_of_the_map_is_where_no_road_goes_on() {
+    let (mut map, mut roads) = (LocalMap::whole(two_roads()), Vec::new());
+    map.roads_near(&Point3::origin(), 1e6, &mut roads).unwrap();
+    let beyond_m = |x: f64, z: f64| map.beyond_end_m(&roads, &Point3::new(x, 0.0, z), 9.0);
+    // Before its first end and behind its last, however far aside.
+    assert!(beyond_m(0.0, -30.0).is_some_and(|m| (m - 30.0).abs() < 1e-9));
+    assert!(beyond_m(40.0, 930.0).is_some_and(|m| (m - 30.0).abs() < 1e-9));
+    // On a road, beside one, and where one goes on as the other.
+    assert_eq!([beyond_m(0.0, 40.0), beyond_m(60.0, 40.0), beyond_m(50.0, 200.0)], [None; 3]);
+    assert!(map.beyond_end_m(&[], &Point3::origin(), 9.0).is_none());
+}
+
 /// What a map holds after it was stored: the same whether in one file or many.
 fn stored(map: &SemanticMap) -> SemanticMap {
     SemanticMap::decode(&map.encode(&EncodeOptions::default()).unwrap()).unwrap()

@@ -14,8 +14,8 @@ pub struct HealthConfig {
     /// than what should be seen and is not. Where it shows less, and wheels or images
     /// tell how far it went, what was ok goes on as far as its covariance allows.
     pub min_support: f64,
-    /// Horizontal standard deviation (m) up to which an estimate is ok: 0.2
-    /// keeps 95 % within half a metre.
+    /// Standard deviation (m), horizontal and of the height, up to which an estimate is
+    /// ok: 0.2 keeps 95 % within half a metre.
     pub ok_sigma_m: f64,
     /// Horizontal standard deviation (m) above which it is lost: no lane can
     /// be told any more.
@@ -54,10 +54,14 @@ pub struct HealthConfig {
     pub max_contradiction_sigmas: f64,
     /// Way over which what should have been seen is remembered, metres.
     pub foreseen_memory_m: f64,
-    /// Least share of the poles and signs that should have been seen along it that were, for
-    /// the first ok of all and after it was lost. It is 1 where they are found as often as
+    /// Least share of the poles and signs that should have been seen along it that were,
+    /// after it was lost. It is 1 where they are found as often as
     /// [`crate::associate::detection::DetectionConfig`] says. In a wrong place, or with a wrong
     /// map, some fit by chance and hold the pose: about half. This is midway.
+    pub least_foreseen_again: f64,
+    /// That share for the first ok of all, and besides the share of the posts seen that the
+    /// map knows: then nothing else holds it. Right poses have 1.4 or more, wrong ones 0.9, and
+    /// the best of many of these 1.15.
     pub least_foreseen_anew: f64,
     /// The same once it was ok: trees, traffic and a map that ages may take half of them.
     pub least_foreseen: f64,
@@ -117,7 +121,8 @@ impl Default for HealthConfig {
             max_separation_of_two_m: 0.7,
             max_contradiction_sigmas: 3.0,
             foreseen_memory_m: 100.0,
-            least_foreseen_anew: 0.75,
+            least_foreseen_again: 0.75,
+            least_foreseen_anew: 1.2,
             least_foreseen: 0.5,
             enough_known: 0.45,
             strange_images: 4,
@@ -183,6 +188,8 @@ pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, heal
     let was_ever_ok = before.is_some_and(|verdict| verdict.was_ever_ok);
     let covariance = best.state.pose_covariance();
     let sigma_m = horizontal_sigma_m(&covariance);
+    // Outside the map nothing tells the height.
+    let position_sigma_m = sigma_m.max(covariance[(1, 1)].max(0.0).sqrt());
     let verified = best.age_frames >= health.verify_frames;
     let is_refuted = best.weak_frames >= health.lost_after_frames || best.log_weight < -health.most_against;
     if sigma_m > health.lost_sigma_m || is_refuted || (was_lost && !verified) {
@@ -201,12 +208,17 @@ pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, heal
         && best.goes_on(health);
     let is_followed = verified
         && !is_elsewhere
-        && sigma_m <= health.ok_sigma_m
+        && position_sigma_m <= health.ok_sigma_m
         && (is_ok_still || best.support >= health.min_support && context.margin >= 0.0)
         && best.mean_square <= health.max_mean_square
         && best.separation.one_m <= health.max_separation_m
         && context.lead >= health.ok_lead + best.handicap;
-    let least_foreseen = if was_ok { health.least_foreseen } else { health.least_foreseen_anew };
+    let foreseen = &best.foreseen;
+    let is_foreseen = match (was_ok, was_ever_ok) {
+        (true, _) => foreseen.share() >= health.least_foreseen,
+        (false, true) => foreseen.share() >= health.least_foreseen_again,
+        (false, false) => foreseen.agreement(health.enough_known) >= health.least_foreseen_anew,
+    };
     let is_well = is_followed
         && (was_ok || best.mean_square <= health.max_mean_square_anew)
         && best.separation.two_m <= health.max_separation_of_two_m
@@ -221,7 +233,7 @@ pub fn judge(best: &Hypothesis, context: &Context, before: Option<Verdict>, heal
     let is_ok = is_well
         && well_frames >= asked_frames
         && best.led_frames >= health.led_frames
-        && (best.foreseen.share() >= least_foreseen || best.foreseen.known_share() >= health.enough_known);
+        && (is_foreseen || best.foreseen.known_share() >= health.enough_known);
     let status = if is_ok { Status::Ok } else { Status::Degraded };
     Verdict { status, is_followed, well_frames, was_ok: was_ok || is_ok, was_ever_ok: was_ever_ok || is_ok }
 }

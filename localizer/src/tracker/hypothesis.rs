@@ -1,12 +1,13 @@
 //! One hypothesis: a filter, the evidence for it, and its last frame.
 
-use common::geometry::{PoseParameters, local};
-use nalgebra::{Cholesky, Point3};
+use common::geometry::local;
+use nalgebra::Cholesky;
 
 use super::anchor::Anchor;
 use super::bank::BankConfig;
 use super::clock::Interval;
 use super::health::HealthConfig;
+use super::outside::Lineage;
 use super::region::Region;
 use crate::associate::foreseen::Foreseen;
 use crate::associate::matching::Scene;
@@ -15,12 +16,10 @@ use crate::associate::separation::Separation;
 use crate::config::Config;
 use crate::estimate::{Correspondence, horizontal_sigma_m};
 use crate::filter::State;
-use crate::gps::{GpsConfig, GpsFix};
-use crate::local_map::{LocalMap, RoadKey};
+use crate::gps::GpsConfig;
 use crate::odometry::Odometry;
 use crate::projection::View;
 use crate::solver::Prior;
-use crate::start::keep_on_road;
 
 /// Most speeds on each side of the mean that one of unknown speed is split into.
 const MOST_SPLITS: f64 = 50.0;
@@ -62,6 +61,8 @@ pub struct Hypothesis {
     pub is_carried: bool,
     /// The speed is not known yet.
     pub speed_is_unknown: bool,
+    /// Where it came from.
+    pub lineage: Lineage,
     /// Support of the last frame, nats.
     pub support: f64,
     /// What the last frame added to the evidence, nats.
@@ -129,6 +130,7 @@ impl Hypothesis {
         };
         let mut hypothesis = Self::blank(state, best.past_weight, handicap);
         hypothesis.speed_is_unknown = best.speed_is_unknown;
+        hypothesis.lineage.is_from_afar = best.lineage.is_from_afar;
         hypothesis.take(rival, surprise);
         // A wrong time looks like a jump, too.
         hypothesis.interval = best.knows_its_speed().then(|| Interval::new(&best.predicted, rival));
@@ -151,6 +153,7 @@ impl Hypothesis {
             weak_frames: 0,
             is_carried: false,
             speed_is_unknown: false,
+            lineage: Lineage::default(),
             support: 0.0,
             evidence: 0.0,
             mean_square: 0.0,
@@ -185,7 +188,7 @@ impl Hypothesis {
     }
 
     /// Sums up what speaks for it.
-    fn weigh(&mut self) {
+    pub(super) fn weigh(&mut self) {
         self.log_weight = self.past_weight + self.evidence - self.handicap - self.astray;
     }
 
@@ -221,6 +224,7 @@ impl Hypothesis {
     pub fn forget(&mut self, past: f64) {
         self.past_weight -= past;
         (self.age_frames, self.led_frames) = (0, 0);
+        self.lineage = Lineage { was_ok: false, has_left_map: false, ..self.lineage };
         self.foreseen = Foreseen::default();
     }
 
@@ -271,37 +275,6 @@ impl Hypothesis {
             split.speed_is_unknown = false;
             out.push(split);
         }
-    }
-
-    /// Keeps height, pitch and roll from wandering off where the images do not
-    /// fix them: the survey's path tells the height, but no better for being
-    /// said in every frame, and what springs returned to in the `dt_s` since
-    /// the last.
-    pub fn constrain_to_path(&mut self, dt_s: f64, map: &LocalMap, roads: &[RoadKey], config: &Config) {
-        let start = &config.start;
-        let position = Point3::from(self.state.map_from_camera.translation.vector);
-        let Some(place) = map.nearest_path(roads, &position) else { return };
-        self.off_road_m = place.distance_m(&position);
-        keep_on_road(&mut self.state, &place, start);
-        if self.off_road_m > start.path_reach_m {
-            return;
-        }
-        let own = PoseParameters::from_pose(&self.state.map_from_camera);
-        let height_m = place.point_map.y - start.height_above_path_m;
-        // What the road is off by stays the same for some frames.
-        let crossfall_m = start.crossfall * self.off_road_m;
-        let height_sigma_m = start.road_height_sigma_m.hypot(crossfall_m) * start.height_frames.sqrt();
-        self.state.measure_height(height_m - own.y_m, height_sigma_m);
-        self.state.spring_back(dt_s, [place.pitch_rad(own.yaw_rad) - own.pitch_rad, -own.roll_rad], &config.motion);
-    }
-
-    /// Keeps the position from wandering off further than a fix can be wrong.
-    pub fn constrain_to_fix(&mut self, fix: &GpsFix, config: &GpsConfig) {
-        let Some([right_m, _]) = fix.offset(&self.state, config) else { return };
-        self.state.constrain(0, right_m, fix.horizontal_sigma_m);
-        // What that says of the way along, too, is not said again.
-        let Some([_, forward_m]) = fix.offset(&self.state, config) else { return };
-        self.state.constrain(2, forward_m, fix.horizontal_sigma_m);
     }
 
     /// A frame did not hold it: that says nothing against who knows how far it
@@ -355,6 +328,7 @@ impl Hypothesis {
         let refined = associator.refine_predicted(&question)?;
         let beyond = (self.off_road_m - config.bank.road_m).max(0.0) / config.bank.off_road_sigma_m;
         let off_road = (0.5 * beyond * beyond).min(config.bank.max_surprise);
+        let off_road = if self.lineage.has_left_map { 0.0 } else { off_road };
         let unlikely = off_road + self.state.surprise.min(config.bank.max_surprise);
         if refined.gain < 0.0 || refined.prior_cost > config.bank.max_innovation {
             self.mean_square = 0.0;

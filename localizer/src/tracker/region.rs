@@ -6,6 +6,7 @@ use nalgebra::{Cholesky, Matrix3, Matrix6, Point3, Vector3, Vector6};
 
 use super::Tracker;
 use super::health::Verdict;
+use super::outside::is_beyond_map;
 use crate::Result;
 use crate::config::Config;
 use crate::filter::State;
@@ -160,7 +161,9 @@ impl Tracker<'_> {
             *place = place.driven(dt_s, odometry, &config.motion, &config.odometry);
             stay_possible(place, config);
             let position = Point3::from(place.map_from_camera.translation.vector);
-            if let Some(path) = self.map.nearest_path(&self.sight.candidates.roads, &position) {
+            let roads = &self.sight.candidates.roads;
+            let path = self.map.nearest_path(roads, &position);
+            if let Some(path) = path.filter(|_| !is_beyond_map(place, 0.0, self.map, roads, config)) {
                 keep_on_road(place, &path, &config.start);
             }
         });

@@ -22,7 +22,7 @@ impl Tracker<'_> {
             (verified && best.log_weight >= bank.sure_evidence)
                 || (alone && best.log_weight >= 2.0 * bank.sure_evidence)
         });
-        if (sure && !self.is_contradicted()) || self.sight.shows_nothing() {
+        if (sure && !self.is_contradicted()) || self.sight.shows_nothing() || self.has_left_map() {
             return Ok(false);
         }
         let Some(region) = self.region.searched(&self.config.gps).cloned() else { return Ok(false) };
@@ -30,6 +30,7 @@ impl Tracker<'_> {
         self.map.roads_near(&position, self.config.start.path_reach_m, &mut self.sight.candidates.roads)?;
         let rough = region::rough_of(&region, self.map, &self.sight.candidates.roads, &self.config);
         let start = self.config.start;
+        let is_from_afar = rough.sigmas[0].max(rough.sigmas[2]) > start.grid_sigma_m;
         let handicap = if self.bank.is_empty() { 0.0 } else { self.newcomer_cost() };
         // What is hidden from the best was hidden from the others, too.
         let past_weight = self.bank.first().map_or(0.0, |best| best.past_weight.min(0.0));
@@ -39,7 +40,9 @@ impl Tracker<'_> {
         for (higher_m, cost) in std::iter::once((0.0, 0.0)).chain(others) {
             let (region, rough) = (raised(&region, higher_m), rough.raised(higher_m));
             for refined in self.search_around(&rough, &rough.reach(&start), None, &start)? {
-                self.add(Hypothesis::found(&refined, &region, past_weight, handicap + cost));
+                let mut found = Hypothesis::found(&refined, &region, past_weight, handicap + cost);
+                found.lineage.is_from_afar = is_from_afar;
+                self.add(found);
             }
         }
         self.sort();

@@ -114,7 +114,7 @@ impl Tracker<'_> {
         let config = self.config.sweep;
         let Some((centre_map, reach_m)) = self.sweep.region(&config) else { return Ok(()) };
         let Some(region) = self.region.searched(&self.config.gps).cloned() else { return Ok(()) };
-        if self.verdict.is_some_and(|verdict| verdict.is_followed) {
+        if self.verdict.is_some_and(|verdict| verdict.is_followed) || self.has_left_map() {
             return Ok(());
         }
         // What of an atlas is looked at is held.
@@ -140,7 +140,9 @@ impl Tracker<'_> {
         let handicap = self.newcomer_cost() + (self.sweep.count as f64).ln();
         let past_weight = self.bank.first().map_or(0.0, |best| best.past_weight);
         for refined in found {
-            self.add(Hypothesis::found(&refined, &region, past_weight, handicap));
+            let mut found = Hypothesis::found(&refined, &region, past_weight, handicap);
+            found.lineage.is_from_afar = true;
+            self.add(found);
         }
         self.sort();
         Ok(())

@@ -12,6 +12,7 @@ mod bank;
 mod elsewhere;
 mod far;
 mod gaps;
+mod outside;
 mod trust;
 mod wheels;
 

@@ -74,7 +74,7 @@ pub fn clean() -> Trial {
     let pole =
         Pole { kind: PoleKind::LampPost, foot_map, top_map: foot_map - Vector3::new(0.0, 6.0, 0.0), road: RoadId(0) };
     let map = SemanticMap {
-        roads: vec![Road { path_map: vec![Point3::origin(), Point3::new(0.0, 0.0, 300.0)] }],
+        roads: vec![Road { path_map: [0.0, 150.0, 300.0].map(|z_m| Point3::new(0.0, 0.0, z_m)).to_vec() }],
         poles: vec![pole],
         ..SemanticMap::default()
     };

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use common::geometry::{Pose, PoseParameters};
+use common::map::{Road, RoadId};
 use localizer::gps::{GpsFix, simulate};
 use localizer::odometry::Odometry;
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
@@ -27,15 +28,9 @@ pub(super) fn turn_map(trial: &mut Trial, angle_rad: f64) {
 /// back by a way in `range_m`.
 pub(super) fn shift_objects(trial: &mut Trial, range_m: Range<f64>, random: &mut Pcg64) {
     let at = |pose: &Pose| Point3::from(pose.translation.vector);
-    let mut ways_m = vec![0.0];
-    for pair in trial.truth.windows(2) {
-        ways_m.push(ways_m[ways_m.len() - 1] + (at(&pair[1]) - at(&pair[0])).norm());
-    }
-    let whole_m = ways_m[ways_m.len() - 1];
     let truth = &trial.truth;
-    if truth.is_empty() {
-        return;
-    }
+    let ways_m = ways_m(truth);
+    let Some(&whole_m) = ways_m.last() else { return };
     let mut shift = |point: &Point3<f64>| -> Pose {
         let apart = |pose: &Pose| (at(pose) - point).xz().norm_squared();
         let near = (0..truth.len()).min_by(|&a, &b| apart(&truth[a]).total_cmp(&apart(&truth[b]))).unwrap_or(0);
@@ -52,6 +47,47 @@ pub(super) fn shift_objects(trial: &mut Trial, range_m: Range<f64>, random: &mut
     for sign in &mut trial.map.signs {
         sign.centroid_map = shift(&sign.centroid_map) * sign.centroid_map;
     }
+}
+
+/// Keeps the roads of the map, with what stands along them, of which the middle is passed
+/// first at a share of the way that `is_kept`.
+pub(super) fn keep_roads(trial: &mut Trial, is_kept: impl Fn(f64) -> bool) {
+    let truth = &trial.truth;
+    let ways_m = ways_m(truth);
+    let whole_m = ways_m.last().copied().unwrap_or(0.0).max(f64::MIN_POSITIVE);
+    let is_road_kept = |road: &Road| {
+        let Some(middle) = road.path_map.get(road.path_map.len() / 2) else { return false };
+        let apart_m2 = |&i: &usize| (Point3::from(truth[i].translation.vector) - middle).xz().norm_squared();
+        let near = (0..truth.len()).min_by(|a, b| apart_m2(a).total_cmp(&apart_m2(b)));
+        near.is_some_and(|near| is_kept(ways_m[near] / whole_m))
+    };
+    let kept: Vec<bool> = trial.map.roads.iter().map(is_road_kept).collect();
+    let mut count = 0..;
+    let renamed: Vec<Option<RoadId>> =
+        kept.iter().map(|kept| kept.then(|| count.next().map(RoadId)).flatten()).collect();
+    let rename = |road: &mut RoadId| {
+        let new = renamed.get(road.0 as usize).copied().flatten();
+        *road = new.unwrap_or(*road);
+        new.is_some()
+    };
+    let map = &mut trial.map;
+    let mut kept = kept.into_iter();
+    map.roads.retain(|_| kept.next().unwrap_or(false));
+    map.poles.retain_mut(|pole| rename(&mut pole.road));
+    map.signs.retain_mut(|sign| rename(&mut sign.road));
+    map.lanes.retain_mut(|lane| rename(&mut lane.road));
+}
+
+/// The way up to each of these poses, metres.
+fn ways_m(truth: &[Pose]) -> Vec<f64> {
+    let mut way_m = 0.0;
+    let mut before: Option<&Pose> = None;
+    let ways_m = truth.iter().map(|pose| {
+        way_m +=
+            before.replace(pose).map_or(0.0, |before| (pose.translation.vector - before.translation.vector).norm());
+        way_m
+    });
+    ways_m.collect()
 }
 
 /// Puts the real camera `by_m` from where the calibration has it (metres, its
@@ -146,9 +182,9 @@ pub(super) fn drop_stretches(trial: &mut Trial, first: usize, count: usize, ever
 }
 
 /// Keeps the frames with these indices.
-pub(super) fn keep(trial: &mut Trial, is_kept: impl Fn(usize) -> bool) {
+pub(super) fn keep(trial: &mut Trial, mut is_kept: impl FnMut(usize) -> bool) {
     let mut indices = 0..;
-    trial.frames.retain(|_| indices.next().is_some_and(&is_kept));
+    trial.frames.retain(|_| indices.next().is_some_and(&mut is_kept));
 }
 
 /// Delivers every which frame twice, at the same time.

@@ -1,4 +1,5 @@
 use common::geometry::{PinholeCamera, Pose};
+use common::map::{Pole, Road, RoadId};
 use localizer::config::Config;
 use localizer::features::{Features, LineFeature};
 use localizer::gps::GpsFix;
@@ -53,6 +54,7 @@ fn spoilt_images_are_looked_at_as_they_come_and_wheels_are_believed() {
     assert_eq!((frozen[14], frozen[15], frozen[34], frozen[35]), (Some(14), Some(14), Some(14), Some(35)));
     assert_eq!(frames(Fault::Stale)[4..7], [Some(4), Some(4), Some(6)]);
     assert_eq!(frames(Fault::Dropped)[3..5], [Some(3), Some(5)]);
+    assert_eq!(frames(Fault::Dropped50)[..2], [Some(0), Some(1)]);
     let late_s = deliveries(Fault::Clock)[1].time_s - by_images.frames[1].time_s;
     assert!((late_s - 0.05).abs() < 1e-9, "{late_s}");
     // Beside wheels they are looked at for pitch and roll alone.
@@ -207,6 +209,8 @@ fn frames_are_dropped_doubled_and_held() {
     let dropped = Fault::Dropped.applied(&clean, 1).trial;
     assert_eq!(numbers(&dropped)[..6], [0, 1, 2, 3, 5, 6]);
     assert_eq!(dropped.frames.len(), 240);
+    let half = numbers(&Fault::Dropped50.applied(&clean, 1).trial);
+    assert!((120..180).contains(&half.len()) && half.windows(2).any(|pair| pair[1] > pair[0] + 2), "{half:?}");
     let Faulty { trial: gap, ends, .. } = Fault::Gap.applied(&clean, 1);
     assert_eq!((numbers(&gap), ends), ((0..30).chain(130..230).collect(), vec![130]));
     assert_eq!(numbers(&Fault::Slow.applied(&clean, 1).trial), (0..300).step_by(5).collect::<Vec<_>>());
@@ -217,6 +221,28 @@ fn frames_are_dropped_doubled_and_held() {
     let shown: Vec<usize> = features(&held).map(|now| now.signs[0].sigma_px as usize).collect();
     assert_eq!(shown[3..12], [3, 4, 4, 6, 7, 8, 9, 9, 11]);
     assert!(held.frames.iter().zip(&clean.frames).all(|(a, b)| (a.frame, a.time_s) == (b.frame, b.time_s)));
+}
+
+#[test]
+fn of_a_map_that_ends_or_is_torn_roads_are_missing_with_what_stands_along_them() {
+    let mut clean = clean();
+    let (road, pole) = (clean.map.roads[0].clone(), clean.map.poles[0]);
+    let along = |number: u32| Vector3::new(0.0, 0.0, 30.0 * f64::from(number));
+    clean.map.roads = (0..10)
+        .map(|i| Road { path_map: vec![Point3::origin() + along(i), road.path_map[0] + along(i + 1)] })
+        .collect();
+    clean.map.poles =
+        (0..10).map(|i| Pole { foot_map: Point3::origin() + along(i), road: RoadId(i), ..pole }).collect();
+    let left = |fault: Fault| {
+        let map = fault.applied(&clean, 1).trial.map;
+        let starts_m = map.roads.iter().map(|road| road.path_map[0].z.round() as u32 / 30);
+        assert!(map.poles.iter().enumerate().all(|(i, pole)| pole.road.0 as usize == i), "{:?}", map.poles);
+        let poles_m = map.poles.iter().map(|pole| pole.foot_map.z.round() as u32 / 30);
+        assert!(starts_m.clone().eq(poles_m));
+        starts_m.collect::<Vec<_>>()
+    };
+    assert_eq!(left(Fault::MapEnds), [0, 1, 2, 3]);
+    assert_eq!(left(Fault::MapTorn), [0, 1, 2, 6, 7, 8, 9]);
 }
 
 #[test]

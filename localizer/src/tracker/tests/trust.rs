@@ -151,11 +151,12 @@ fn ok_takes_as_many_good_frames_in_a_row() {
     let is_ok = |well_frames: usize| {
         let (well_frames_anew, well_frames_again) = (well_frames, well_frames);
         // Three of ten that should be seen are: no matter here.
-        let (least_foreseen, least_foreseen_anew) = (0.0, 0.0);
+        let (least_foreseen, least_foreseen_anew, least_foreseen_again) = (0.0, 0.0, 0.0);
         let health = HealthConfig {
             well_frames,
             well_frames_anew,
             well_frames_again,
+            least_foreseen_again,
             least_foreseen_anew,
             least_foreseen,
             ..HealthConfig::default()
@@ -212,7 +213,8 @@ fn the_map_of_another_street_is_seldom_believed() {
         world.map = World::new(recipe(of_map)).map;
         let mut config = Config::default();
         if let Some(least) = least_foreseen {
-            (config.health.least_foreseen, config.health.least_foreseen_anew) = (least, least);
+            let health = &mut config.health;
+            (health.least_foreseen, health.least_foreseen_anew, health.least_foreseen_again) = (least, least, least);
         }
         let run = run_with(&config, &world, &GpsConfig::default(), 1, &Mishap { has_wheels: true, ..NONE });
         run.statuses.iter().filter(|status| **status == Status::Ok).count()
@@ -237,7 +239,7 @@ fn a_map_that_promises_nothing_but_lines_is_missed_nothing_of() {
         let input =
             FrameInput { time_s, features: &features, gps: fixes.get(frame), odometry: world.odometry(frame).into() };
         tracker.step(&input).unwrap();
-        let share = tracker.bank[0].foreseen.share();
-        assert!(share >= config.health.least_foreseen_anew, "{frame}: {share}");
+        let agreement = tracker.bank[0].foreseen.agreement(config.health.enough_known);
+        assert!(agreement >= config.health.least_foreseen_anew, "{frame}: {agreement}");
     }
 }

@@ -83,7 +83,7 @@ pub enum Error {
         available: Vec<String>,
     },
     /// A calibration file without one of its lines.
-    #[error("{} has no line `{key}:`; take `calib.txt` from the KITTI odometry calibration archive, which has P0 to P3 and Tr", path.display())]
+    #[error("{} has no line `{key}:`; take `calib.txt` from the calibration archive of KITTI odometry", path.display())]
     MissingCalibration {
         /// `P0` to `P3` or `Tr`.
         key: String,

@@ -125,13 +125,13 @@ impl Drive {
     /// Looks at frames in their order, the next ones while `take` has one.
     ///
     /// # Errors
-    /// As [`Drive::see`], and what `take` says; nothing comes after either.
+    /// What `take` says, of what it is given, too; nothing comes after.
     pub fn see_all(
         &self,
         frames: impl IntoIterator<Item = usize, IntoIter: Send>,
         source: &Source,
         config: &VisionConfig,
-        mut take: impl FnMut(usize, Seen) -> Result<()>,
+        mut take: impl FnMut(usize, Result<Seen>) -> Result<()>,
     ) -> Result<()> {
         let frames = frames.into_iter();
         std::thread::scope(|scope| {
@@ -139,13 +139,13 @@ impl Drive {
             scope.spawn(move || {
                 for frame in frames {
                     let found = self.see(frame, source, config);
-                    // Nobody takes more once there was an error.
+                    // Nobody takes more once there was an error that counts.
                     if give.send((frame, found)).is_err() {
                         break;
                     }
                 }
             });
-            seen.into_iter().try_for_each(|(frame, found)| take(frame, found?))
+            seen.into_iter().try_for_each(|(frame, found)| take(frame, found))
         })
     }
 }

@@ -265,6 +265,14 @@ pub enum Error {
     /// Images of which no two can be compared.
     #[error("the frames show no motion, for no two of them differ; give more of the drive (`--first`, `--last`)")]
     NoMotion,
+    /// Images that could not be read, each told of.
+    #[error(
+        "the images of {frames} frames could not be read, each told of above, and all others were localized; give intact ones"
+    )]
+    FramesPassedOver {
+        /// How many.
+        frames: usize,
+    },
     /// A run that came to no pose.
     #[error(
         "no frame was localized: from the first position on no image shows what the map has; give images or labels that show its landmarks, and positions within metres (`--gps`)"
@@ -300,4 +308,11 @@ pub enum Error {
         /// What the encoder says.
         message: String,
     },
+}
+
+impl Error {
+    /// Whether it is one image that is damaged, and others may be intact.
+    pub fn is_of_an_image(&self) -> bool {
+        matches!(self, Self::Vision(crate::vision::Error::Decode { .. }))
+    }
 }

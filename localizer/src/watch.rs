@@ -21,6 +21,8 @@ pub struct Watched {
     pub frames: Vec<FrameFeatures>,
     /// How the camera moved, where the images say so.
     pub motion: MotionOfImages,
+    /// Frames that were passed over, and what is wrong with the image of each.
+    pub unread: Vec<(usize, String)>,
 }
 
 /// How the camera moved, as the images say.
@@ -56,10 +58,13 @@ pub fn odometry(wheels: Option<OdometryLog>, images: &MotionOfImages, config: &m
     wheels.swaying_as(&images.log)
 }
 
-/// Looks at frames of a drive, in their order; `seen` is called for each.
+/// Looks at frames of a drive, in their order; `seen` is called for each. After the first
+/// one that can be read, one of which the image cannot be is passed over: it is as if the
+/// camera had missed it.
 ///
 /// # Errors
-/// As [`Drive::see`], and what `seen` says.
+/// As [`Drive::see`] where no image was read so far, or what is wrong is not one image, and
+/// what `seen` says.
 pub fn watch(
     drive: &Drive,
     frames: impl IntoIterator<Item = usize, IntoIter: Send>,
@@ -71,8 +76,15 @@ pub fn watch(
     let sensors = Sensors { images: drive.moves_by_images(), wheels: has_wheels };
     let mut watcher = Watcher::beside(&drive.camera, sensors, config);
     let mut motion = watcher.as_ref().map(MotionOfImages::of).unwrap_or_default();
-    let mut seen_frames = Vec::new();
+    let (mut seen_frames, mut unread) = (Vec::new(), Vec::new());
     drive.see_all(frames, source, &config.vision, |frame, found| {
+        let found = match found {
+            Err(error) if error.is_of_an_image() && !seen_frames.is_empty() => {
+                unread.push((frame, error.to_string()));
+                return Ok(());
+            }
+            found => found?,
+        };
         seen(frame, &found)?;
         let time_s = drive.times_s[frame];
         let started = Instant::now();
@@ -88,7 +100,7 @@ pub fn watch(
         });
         Ok(())
     })?;
-    Ok(Watched { frames: seen_frames, motion })
+    Ok(Watched { frames: seen_frames, motion, unread })
 }
 
 /// An image as it comes, which need not be the one that was taken then.

@@ -96,6 +96,8 @@ pub struct Input {
     pub frames: Vec<FrameFeatures>,
     /// How it moved, as its images say.
     pub motion: MotionOfImages,
+    /// Frames of which the image could not be read.
+    pub unread: usize,
 }
 
 impl InputArgs {
@@ -185,8 +187,11 @@ impl Opened {
         if let (Source::Labels(folder), 1..=FAINT) = (&source, largest) {
             return Err(Error::FaintLabels { folder: folder.clone(), largest });
         }
-        let Watched { frames, motion } = watched;
-        Ok(Input { map, drive, frames, motion })
+        let Watched { frames, motion, unread } = watched;
+        for (frame, why) in &unread {
+            common::say!("frame {frame} is passed over: {why}");
+        }
+        Ok(Input { map, drive, frames, motion, unread: unread.len() })
     }
 }
 

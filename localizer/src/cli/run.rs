@@ -155,7 +155,10 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
             usage.most_held
         );
     }
-    Ok(true)
+    match input.unread {
+        0 => Ok(true),
+        frames => Err(Error::FramesPassedOver { frames }),
+    }
 }
 
 /// The median of how far off the times of the images were, seconds.

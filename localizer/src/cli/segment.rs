@@ -49,7 +49,7 @@ pub fn execute(args: &SegmentArgs) -> Result<bool> {
     let drive = Drive::open(&args.kitti, &args.sequence, None, args.first, args.last, config.widest_px)?;
     let bar = progress(drive.frames.len(), "segment");
     drive.see_all(drive.frames.iter().copied(), &source, &config, |frame, seen| {
-        drive.camera.write_labels(&args.out, frame, &seen)?;
+        drive.camera.write_labels(&args.out, frame, &seen?)?;
         bar.inc(1);
         Ok(())
     })?;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use common::map::{EncodeOptions, SemanticMap};
 
-use crate::support::{CALIBRATION, Ran, build, plain, run, run_with, text, write_png};
+use crate::support::{CALIBRATION, DEMO, Ran, build, plain, run, run_with, text, write_png};
 
 /// `mapper build` of every scan of sequence 04.
 fn build_of(root: &Path, more: &[&str]) -> Ran {
@@ -250,6 +250,36 @@ fn a_drive_in_which_nothing_is_seen_leaves_what_was_there() {
     let ran = localize(root.path(), &["--labels", text(&labels), "--truth", text(&truth), "--last", "2"]);
     ran.refused(&["no frame was localized", "--gps"]);
     assert_eq!(std::fs::read_to_string(out.join("poses.txt")).unwrap(), "of yesterday");
+}
+
+/// A disk that was full for a moment in a drive of hours.
+#[test]
+fn a_damaged_image_amid_a_drive_is_told_and_passed_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let (labels, out) = (folder.path().join("labels"), folder.path().join("out"));
+    std::fs::create_dir_all(labels.join("pole")).unwrap();
+    for frame in 0..30 {
+        let image = format!("pole/{frame:06}.png");
+        std::fs::copy(DEMO.file("drive/sequences/00/labels_2").join(&image), labels.join(&image)).unwrap();
+    }
+    let damage = |frame: usize| {
+        let image = labels.join(format!("pole/{frame:06}.png"));
+        let bytes = std::fs::read(&image).unwrap();
+        std::fs::write(&image, &bytes[..bytes.len() / 2]).unwrap();
+    };
+    let ran = || DEMO.localize_by(&labels, &DEMO.file("street.csm"), &out, &[]);
+    damage(12);
+    let told = ran();
+    assert_eq!(told.code, 2, "{told:?}");
+    let said = told.out + &told.err;
+    assert!(said.contains("frame 12 ") && said.contains("pole/000012.png") && said.contains("1 frames"), "{said}");
+    let estimates = std::fs::read_to_string(out.join("estimates.csv")).unwrap();
+    assert_eq!(estimates.lines().count(), 1 + 29, "{estimates}");
+    // The first one says what all are like.
+    std::fs::remove_dir_all(&out).unwrap();
+    damage(0);
+    ran().refused(&["pole/000000.png", "give an intact PNG"]);
+    assert!(!out.exists());
 }
 
 /// Built with the feature `ort` or without it.

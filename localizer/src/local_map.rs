@@ -228,8 +228,8 @@ impl LocalMap {
             [.., second, last] if (last - end_map).norm() < SAME_M => last - second,
             _ => return None,
         };
-        let goes_on = |other: &RoadKey| self.path_within(&[*other], &end_map, joins_m).is_some();
-        if roads.iter().filter(|other| **other != road).any(goes_on) {
+        let mut others = roads.iter().filter(|other| **other != road);
+        if others.any(|&other| self.path_within(&[other], &end_map, joins_m).is_some()) {
             return None;
         }
         let ahead_m = (position_map - end_map).xz().dot(&outward.xz()) / outward.xz().norm();

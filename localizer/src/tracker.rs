@@ -51,7 +51,7 @@ use crate::preselect::{Lookup, Reach};
 use crate::projection::ImageSize;
 use crate::start::Search;
 use hypothesis::Hypothesis;
-use outside::Lineage;
+use outside::Standing;
 use region::Region;
 use sight::Sight;
 use strangers::Strangers;
@@ -332,7 +332,7 @@ impl<'a> Tracker<'a> {
         self.verdict = Some(verdict);
         let status = self.unseen.judged(verdict.status, shows_the_same);
         // One of many that may be right: it is still being searched.
-        let is_candidate = best.lineage.is_from_afar && status != Status::Ok;
+        let is_candidate = best.standing.is_from_afar && status != Status::Ok;
         let status = if is_candidate { Status::Lost } else { status };
         // What shows the same again confirms nothing.
         if verdict.is_followed && !shows_the_same {
@@ -373,7 +373,7 @@ impl<'a> Tracker<'a> {
             time_sigma_s: self.clock.variance_s2().sqrt(),
         });
         if let Some(best) = self.bank.first_mut().filter(|_| status == Status::Ok) {
-            best.lineage = Lineage { was_ok: true, is_from_afar: false, ..best.lineage };
+            best.standing = Standing { was_ok: true, is_from_afar: false, ..best.standing };
         }
         self.said.as_ref()
     }

@@ -189,7 +189,7 @@ impl Opened {
         }
         let Watched { frames, motion, unread } = watched;
         for (frame, why) in &unread {
-            common::say!("frame {frame} is passed over: {why}");
+            common::output::print_note(format_args!("frame {frame} is passed over: {why}"));
         }
         Ok(Input { map, drive, frames, motion, unread: unread.len() })
     }

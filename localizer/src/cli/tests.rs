@@ -30,9 +30,12 @@ fn draw(plane: &mut Plane, from: (f64, f64), to: (f64, f64), half_width: i64) {
     }
 }
 
-/// A drive in KITTI layout with its map and probability images, made up.
-fn write_drive(folder: &Path, frames: usize) {
+/// A drive in KITTI layout with its map and probability images, made up; returns the words
+/// that name them.
+fn write_drive(folder: &Path, frames: usize) -> String {
     write_drive_of(folder, frames, 1);
+    let at = folder.display();
+    format!("--map {at}/90.csm --kitti {at}/kitti --sequence 90 --labels {at}/labels")
 }
 
 /// The same with so many times the pixels across and down.
@@ -94,8 +97,7 @@ fn a_camera_with_more_pixels_is_looked_at_as_networks_do() {
 fn a_drive_is_localized_and_scored_from_files() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path().display();
-    write_drive(folder.path(), 30);
-    let drive = format!("--map {at}/90.csm --kitti {at}/kitti --sequence 90 --labels {at}/labels");
+    let drive = write_drive(folder.path(), 30);
     // Has no images to draw on, and is localized all the same.
     assert!(run_words(&format!("run {drive} --gps-seed 3 --out {at}/out --overlay {at}/drawn")).unwrap());
     let estimates = crate::output::read_estimates(&folder.path().join("out/estimates.csv")).unwrap();
@@ -219,8 +221,7 @@ fn all_settings_survive_their_file() {
 fn what_would_be_misread_or_written_over_is_told_before_the_work() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path().display();
-    write_drive(folder.path(), 3);
-    let drive = format!("--map {at}/90.csm --kitti {at}/kitti --sequence 90 --labels {at}/labels --out {at}/o");
+    let drive = write_drive(folder.path(), 3) + &format!(" --out {at}/o");
     let message = |words: &str| run_words(&format!("run {drive} {words}")).unwrap_err().to_string();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     // Speeds of other units, or in another column, are numbers, too.

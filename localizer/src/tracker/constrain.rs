@@ -21,9 +21,9 @@ impl Hypothesis {
         let Some(place) = map.nearest_path(roads, &position) else { return };
         self.off_road_m = place.distance_m(&position);
         // It leaves it once nothing is left to see.
-        self.lineage.has_left_map =
-            self.lineage.was_ok && is_beyond_map(&self.state, config.rivals.lever_m, map, roads, config);
-        if self.lineage.has_left_map && is_beyond_map(&self.state, 0.0, map, roads, config) {
+        self.standing.has_left_map =
+            self.standing.was_ok && is_beyond_map(&self.state, config.rivals.lever_m, map, roads, config);
+        if self.standing.has_left_map && is_beyond_map(&self.state, 0.0, map, roads, config) {
             return;
         }
         keep_on_road(&mut self.state, &place, start);

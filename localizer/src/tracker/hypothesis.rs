@@ -7,7 +7,7 @@ use super::anchor::Anchor;
 use super::bank::BankConfig;
 use super::clock::Interval;
 use super::health::HealthConfig;
-use super::outside::Lineage;
+use super::outside::Standing;
 use super::region::Region;
 use crate::associate::foreseen::Foreseen;
 use crate::associate::matching::Scene;
@@ -61,8 +61,8 @@ pub struct Hypothesis {
     pub is_carried: bool,
     /// The speed is not known yet.
     pub speed_is_unknown: bool,
-    /// Where it came from.
-    pub lineage: Lineage,
+    /// Where it came from, and whether it is in the map.
+    pub standing: Standing,
     /// Support of the last frame, nats.
     pub support: f64,
     /// What the last frame added to the evidence, nats.
@@ -130,7 +130,7 @@ impl Hypothesis {
         };
         let mut hypothesis = Self::blank(state, best.past_weight, handicap);
         hypothesis.speed_is_unknown = best.speed_is_unknown;
-        hypothesis.lineage.is_from_afar = best.lineage.is_from_afar;
+        hypothesis.standing.is_from_afar = best.standing.is_from_afar;
         hypothesis.take(rival, surprise);
         // A wrong time looks like a jump, too.
         hypothesis.interval = best.knows_its_speed().then(|| Interval::new(&best.predicted, rival));
@@ -153,7 +153,7 @@ impl Hypothesis {
             weak_frames: 0,
             is_carried: false,
             speed_is_unknown: false,
-            lineage: Lineage::default(),
+            standing: Standing::default(),
             support: 0.0,
             evidence: 0.0,
             mean_square: 0.0,
@@ -224,7 +224,7 @@ impl Hypothesis {
     pub fn forget(&mut self, past: f64) {
         self.past_weight -= past;
         (self.age_frames, self.led_frames) = (0, 0);
-        self.lineage = Lineage { was_ok: false, has_left_map: false, ..self.lineage };
+        self.standing = Standing { was_ok: false, has_left_map: false, ..self.standing };
         self.foreseen = Foreseen::default();
     }
 
@@ -328,7 +328,7 @@ impl Hypothesis {
         let refined = associator.refine_predicted(&question)?;
         let beyond = (self.off_road_m - config.bank.road_m).max(0.0) / config.bank.off_road_sigma_m;
         let off_road = (0.5 * beyond * beyond).min(config.bank.max_surprise);
-        let off_road = if self.lineage.has_left_map { 0.0 } else { off_road };
+        let off_road = if self.standing.has_left_map { 0.0 } else { off_road };
         let unlikely = off_road + self.state.surprise.min(config.bank.max_surprise);
         if refined.gain < 0.0 || refined.prior_cost > config.bank.max_innovation {
             self.mean_square = 0.0;

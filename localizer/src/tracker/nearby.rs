@@ -62,7 +62,7 @@ impl Tracker<'_> {
     pub(super) fn search_nearby(&mut self) -> Result<Vec<Hypothesis>> {
         let (config, youngest) = (&self.config.nearby, self.config.health.verify_frames);
         let is_due = |best: &&Hypothesis| {
-            let is_followed = self.verdict.is_some_and(|verdict| verdict.is_followed) || best.lineage.has_left_map;
+            let is_followed = self.verdict.is_some_and(|verdict| verdict.is_followed) || best.standing.has_left_map;
             let is_asked = !is_followed && best.age_frames >= youngest;
             is_asked && best.age_frames.is_multiple_of(config.every_frames.max(1))
         };

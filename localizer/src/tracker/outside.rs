@@ -14,9 +14,9 @@ use crate::estimate::horizontal_sigma_m;
 use crate::filter::State;
 use crate::local_map::{LocalMap, RoadKey};
 
-/// Where a hypothesis came from.
+/// What a hypothesis is, by where it came from and where it is now.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Lineage {
+pub struct Standing {
     /// It was ok, or moved on from what was.
     pub was_ok: bool,
     /// It was found along all roads that it may be on, and has not been ok since.
@@ -38,17 +38,17 @@ impl Tracker<'_> {
     /// Whether the best hypothesis has left the map, and no fixes say that it is elsewhere:
     /// nothing is searched in the map then.
     pub(super) fn has_left_map(&self) -> bool {
-        self.bank.first().is_some_and(|best| best.lineage.has_left_map) && !self.is_contradicted()
+        self.bank.first().is_some_and(|best| best.standing.has_left_map) && !self.is_contradicted()
     }
 
     /// Lets the last frame say as much for those that have left the map as for whatever it
     /// says the most for.
     pub(super) fn level_outside(&mut self) {
-        if !self.bank.iter().any(|hypothesis| hypothesis.lineage.has_left_map) {
+        if !self.bank.iter().any(|hypothesis| hypothesis.standing.has_left_map) {
             return;
         }
         let most = self.bank.iter().map(|hypothesis| hypothesis.evidence).fold(f64::NEG_INFINITY, f64::max);
-        let outside = self.bank.iter_mut().filter(|hypothesis| hypothesis.lineage.has_left_map);
+        let outside = self.bank.iter_mut().filter(|hypothesis| hypothesis.standing.has_left_map);
         outside.for_each(|hypothesis: &mut Hypothesis| {
             hypothesis.evidence = most;
             hypothesis.weigh();

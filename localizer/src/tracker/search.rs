@@ -41,7 +41,7 @@ impl Tracker<'_> {
             let (region, rough) = (raised(&region, higher_m), rough.raised(higher_m));
             for refined in self.search_around(&rough, &rough.reach(&start), None, &start)? {
                 let mut found = Hypothesis::found(&refined, &region, past_weight, handicap + cost);
-                found.lineage.is_from_afar = is_from_afar;
+                found.standing.is_from_afar = is_from_afar;
                 self.add(found);
             }
         }

@@ -141,7 +141,7 @@ impl Tracker<'_> {
         let past_weight = self.bank.first().map_or(0.0, |best| best.past_weight);
         for refined in found {
             let mut found = Hypothesis::found(&refined, &region, past_weight, handicap);
-            found.lineage.is_from_afar = true;
+            found.standing.is_from_afar = true;
             self.add(found);
         }
         self.sort();

@@ -8,6 +8,7 @@ mod another_camera;
 mod another_lidar;
 mod another_way;
 mod atlas;
+mod bad_images;
 mod bad_input;
 mod budget;
 mod camera_from_map;

@@ -239,7 +239,9 @@ fn a_map_that_promises_nothing_but_lines_is_missed_nothing_of() {
         let input =
             FrameInput { time_s, features: &features, gps: fixes.get(frame), odometry: world.odometry(frame).into() };
         tracker.step(&input).unwrap();
-        let agreement = tracker.bank[0].foreseen.agreement(config.health.enough_known);
+        let foreseen = &tracker.bank[0].foreseen;
+        let (share, agreement) = (foreseen.share(), foreseen.agreement(config.health.enough_known));
+        assert!(share >= config.health.least_foreseen_again, "{frame}: {share}");
         assert!(agreement >= config.health.least_foreseen_anew, "{frame}: {agreement}");
     }
 }

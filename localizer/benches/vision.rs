@@ -9,7 +9,7 @@ use divan::{Bencher, black_box};
 use localizer::vision::config::{LaneConfig, PoleConfig, SignConfig};
 use localizer::vision::network::{Runtime, run_all};
 use localizer::vision::{Class, Network, Plane, ProbabilityMaps, RgbImage, VisionConfig};
-use localizer::vision::{extract, lanes, poles, read_png, signs};
+use localizer::vision::{extract, lanes, poles, read_image, signs};
 
 /// As in the program.
 #[global_allocator]
@@ -25,7 +25,7 @@ fn data() -> PathBuf {
 }
 
 fn image() -> Option<RgbImage> {
-    read_png(data().join("kitti/sequences/04/image_2/000000.png")).ok()
+    read_image(data().join("kitti/sequences/04/image_2/000000.png")).ok()
 }
 
 fn network(name: &str, runtime: Runtime) -> Option<Network> {

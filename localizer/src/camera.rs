@@ -12,7 +12,7 @@ use crate::projection::ImageSize;
 use crate::vision::config::Ground;
 use crate::vision::image::check_size;
 use crate::vision::network::{self, Network, Runtime};
-use crate::vision::{Plane, ProbabilityMaps, RgbImage, VisionConfig, labels, read_png};
+use crate::vision::{Plane, ProbabilityMaps, RgbImage, VisionConfig, labels, read_image};
 use crate::visual_odometry::VisualOdometer;
 use crate::{Error, Result};
 
@@ -87,9 +87,9 @@ impl ScaledCamera {
     /// The image of a file as it is looked at.
     ///
     /// # Errors
-    /// As [`read_png`] and [`check_size`]: all have the size of the first.
+    /// As [`read_image`] and [`check_size`]: all have the size of the first.
     pub fn read_image(&self, path: &Path) -> Result<RgbImage> {
-        let image = read_png(path)?;
+        let image = read_image(path)?;
         check_size(path, (image.width(), image.height()), self.taken_px)?;
         Ok(image.resized(self.seen_px))
     }

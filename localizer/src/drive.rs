@@ -7,7 +7,7 @@ use std::sync::mpsc::sync_channel;
 use common::kitti::Sequence;
 
 use crate::camera::{ScaledCamera, Seen, Source};
-use crate::vision::image::{check_calibration, size_of_png};
+use crate::vision::image::{check_calibration, image_size};
 use crate::vision::{Plane, RgbImage, VisionConfig, labels};
 use crate::{Error, Result};
 
@@ -68,7 +68,7 @@ impl Drive {
         };
         let taken_px = match labels {
             Some(folder) => labels::size(folder, shown)?,
-            None => size_of_png(&sequence.image_path(CAMERA, shown))?,
+            None => image_size(&sequence.image_path(CAMERA, shown))?,
         };
         let path = labels.map_or_else(|| sequence.image_path(CAMERA, shown), Path::to_path_buf);
         check_calibration(&path, taken_px, &camera)?;

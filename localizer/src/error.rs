@@ -267,7 +267,7 @@ pub enum Error {
     NoMotion,
     /// Images that could not be read, each told of.
     #[error(
-        "the images of {frames} frames could not be read, each told of above, and all others were localized; give intact ones"
+        "the images of {frames} frames could not be read, each told of above, and all others were taken in; give intact ones"
     )]
     FramesPassedOver {
         /// How many.

@@ -85,7 +85,7 @@ impl RawDrive {
     /// # Errors
     /// [`Error::Io`] where the folder cannot be read.
     pub fn scan_frames(&self) -> Result<Vec<usize>> {
-        numbered(&self.scans(), "bin", 10)
+        numbered(&self.scans(), &["bin"], 10)
     }
 
     /// The time of every frame, seconds from the first: that of its packet.

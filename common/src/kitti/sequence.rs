@@ -7,6 +7,10 @@ use super::Calibration;
 use crate::geometry::{PinholeCamera, Pose};
 use crate::{Error, Result, atomic_file, text};
 
+/// How the names of images may end, the first where there are several of a frame: KITTI's are
+/// PNG, those of many other cameras JPEG.
+pub const IMAGE_EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
+
 /// A sequence of KITTI odometry on disk.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Sequence {
@@ -68,9 +72,12 @@ impl Sequence {
         self.folder().join("velodyne").join(format!("{frame:06}.bin"))
     }
 
-    /// The image of a frame from camera 0 to 3.
+    /// The image of a frame from camera 0 to 3: the first of [`IMAGE_EXTENSIONS`] of which there
+    /// is a file, a PNG where there is none.
     pub fn image_path(&self, camera: usize, frame: usize) -> PathBuf {
-        self.folder().join(format!("image_{camera}")).join(format!("{frame:06}.png"))
+        let folder = self.folder().join(format!("image_{camera}"));
+        let mut paths = IMAGE_EXTENSIONS.iter().map(|extension| folder.join(format!("{frame:06}.{extension}")));
+        paths.find(|path| path.is_file()).unwrap_or_else(|| folder.join(format!("{frame:06}.{}", IMAGE_EXTENSIONS[0])))
     }
 
     /// `calib.txt` of this sequence.
@@ -130,7 +137,7 @@ impl Sequence {
     /// # Errors
     /// [`Error::Io`] where the folder cannot be read.
     pub fn scan_frames(&self) -> Result<Vec<usize>> {
-        frames(&self.folder().join("velodyne"), "bin")
+        numbered(&self.folder().join("velodyne"), &["bin"], DIGITS)
     }
 
     /// The frames that have an image of camera 0 to 3, in order.
@@ -138,7 +145,7 @@ impl Sequence {
     /// # Errors
     /// [`Error::Io`] where the folder cannot be read.
     pub fn image_frames(&self, camera: usize) -> Result<Vec<usize>> {
-        frames(&self.folder().join(format!("image_{camera}")), "png")
+        numbered(&self.folder().join(format!("image_{camera}")), &IMAGE_EXTENSIONS, DIGITS)
     }
 }
 
@@ -214,24 +221,24 @@ fn folders(folder: &Path) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// The indices of the files `NNNNNN.extension` in `folder`, sorted.
-fn frames(folder: &Path, extension: &str) -> Result<Vec<usize>> {
-    numbered(folder, extension, 6)
-}
+/// Digits in the names of scans and images.
+const DIGITS: usize = 6;
 
-/// The indices of the files in `folder` that are named by so many digits,
-/// sorted.
-pub(super) fn numbered(folder: &Path, extension: &str, digits: usize) -> Result<Vec<usize>> {
+/// The indices of the files in `folder` that are named by so many digits and end so,
+/// each once, sorted.
+pub(super) fn numbered(folder: &Path, extensions: &[&str], digits: usize) -> Result<Vec<usize>> {
     let mut frames = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {
         let path = entry.map_err(Error::io(folder))?.path();
         let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
-        let is_frame = stem.len() == digits && path.extension().is_some_and(|e| e == extension);
+        let is_frame =
+            stem.len() == digits && path.extension().is_some_and(|found| extensions.iter().any(|one| found == *one));
         if let (true, Ok(frame)) = (is_frame, stem.parse()) {
             frames.push(frame);
         }
     }
     frames.sort_unstable();
+    frames.dedup();
     Ok(frames)
 }
 
@@ -272,6 +279,14 @@ mod tests {
         assert_eq!(sequence.scan_frames().unwrap(), [2, 10]);
         assert_eq!(sequence.image_frames(2).unwrap(), [1]);
         assert!(sequence.scan_path(10).is_file() && sequence.image_path(2, 1).is_file());
+        // Cameras that write JPEG, one of a frame that has a PNG, too.
+        let images = sequence.folder().join("image_2");
+        for name in ["000003.jpeg", "000001.jpg", "000002.jpg", "000004.txt"] {
+            std::fs::write(images.join(name), "").unwrap();
+        }
+        assert_eq!(sequence.image_frames(2).unwrap(), [1, 2, 3]);
+        let names = [1, 2, 3, 4].map(|frame| sequence.image_path(2, frame));
+        assert_eq!(names, ["000001.png", "000002.jpg", "000003.jpeg", "000004.png"].map(|name| images.join(name)));
         let said = sequence.image_frames(3).unwrap_err().to_string();
         assert!(said.contains("image_3"), "{said}");
     }

@@ -15,6 +15,7 @@ use crate::local_map::LocalMap;
 use crate::odometry::OdometryLog;
 use crate::run::FrameFeatures;
 use crate::vision::network::Runtime;
+use crate::vision::{Class, labels};
 use crate::watch::{MotionOfImages, Watched, watch};
 use crate::{Error, Result};
 
@@ -67,11 +68,20 @@ pub struct SourceArgs {
 }
 
 impl SourceArgs {
-    /// Opens it.
+    /// Opens it; says which folders of label images are of no class.
     ///
     /// # Errors
-    /// As [`Source::open`].
+    /// As [`Source::open`] and [`labels::strangers`].
     pub fn open(&self) -> Result<Source> {
+        if let Some(folder) = &self.labels {
+            for name in labels::strangers(folder)? {
+                common::output::print_note(format_args!(
+                    "{} is not looked at: label images lie in folders {}",
+                    folder.join(name).display(),
+                    Class::ALL.map(Class::name).join(", ")
+                ));
+            }
+        }
         let networks: Vec<&Path> =
             [&self.pole_net, &self.lane_net].into_iter().flatten().map(PathBuf::as_path).collect();
         Source::open(&networks, self.runtime, self.labels.as_deref())

@@ -17,7 +17,7 @@ use crate::gps::{GpsConfig, GpsFix, SEPARATORS};
 use crate::live::{LiveLocalizer, Received};
 use crate::local_map::LocalMap;
 use crate::output::{estimates_header, estimates_row};
-use crate::vision::image::{check_calibration, size_of_png};
+use crate::vision::image::{check_calibration, image_size};
 use crate::vision::labels;
 use crate::watch::Sensors;
 use crate::{Error, Result};
@@ -229,7 +229,7 @@ impl<'m> Vehicle<'m> {
     fn scaled(&self, frame: usize, path: Option<&Path>) -> Result<ScaledCamera> {
         let (shown, taken_px) = match (&self.source, path) {
             (Source::Labels(folder), _) => (folder.as_path(), labels::size(folder, frame)?),
-            (Source::Networks(_), Some(path)) => (path, size_of_png(path)?),
+            (Source::Networks(_), Some(path)) => (path, image_size(path)?),
             (Source::Networks(_), None) => return Err(Error::NoImage { frame }),
         };
         check_calibration(shown, taken_px, &self.camera)?;

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::input::progress;
-use crate::Result;
 use crate::camera::Source;
 use crate::drive::Drive;
 use crate::vision::VisionConfig;
 use crate::vision::network::Runtime;
+use crate::{Error, Result};
 
 /// Arguments of `localizer segment`.
 #[derive(Debug, Args)]
@@ -48,12 +48,22 @@ pub fn execute(args: &SegmentArgs) -> Result<bool> {
     let config = VisionConfig::default();
     let drive = Drive::open(&args.kitti, &args.sequence, None, args.first, args.last, config.widest_px)?;
     let bar = progress(drive.frames.len(), "segment");
+    let mut unread = 0;
     drive.see_all(drive.frames.iter().copied(), &source, &config, |frame, seen| {
-        drive.camera.write_labels(&args.out, frame, &seen?)?;
         bar.inc(1);
+        match seen {
+            Err(error) if error.is_of_an_image() => {
+                bar.suspend(|| common::output::print_note(format_args!("frame {frame} is passed over: {error}")));
+                unread += 1;
+            }
+            seen => drive.camera.write_labels(&args.out, frame, &seen?)?,
+        }
         Ok(())
     })?;
     bar.finish_and_clear();
-    common::say!("{} frames written to {}", drive.frames.len(), args.out.display());
-    Ok(true)
+    common::say!("{} frames written to {}", drive.frames.len() - unread, args.out.display());
+    match unread {
+        0 => Ok(true),
+        frames => Err(Error::FramesPassedOver { frames }),
+    }
 }

@@ -10,13 +10,13 @@ pub enum Error {
     /// Reading or writing failed, or a settings file is wrong.
     #[error(transparent)]
     Common(#[from] common::Error),
-    /// A PNG that cannot be decoded or encoded.
-    #[error("{}: {}; give an intact PNG image", path.display(), source.to_string().trim_end_matches('.'))]
+    /// An image that cannot be decoded.
+    #[error("{}: {}; give an intact PNG or JPEG image", path.display(), source.to_string().trim_end_matches('.'))]
     Decode {
         /// The image.
         path: PathBuf,
         /// What the decoder says.
-        source: png::DecodingError,
+        source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// A PNG that cannot be written.
     #[error("{} cannot be written as PNG: {source}; check the disk and the folder", path.display())]

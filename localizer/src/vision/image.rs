@@ -1,12 +1,16 @@
-//! Images in memory, and PNG files.
+//! Images in memory, PNG files, and JPEG files of cameras that write such.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use common::geometry::PinholeCamera;
 use fast_image_resize::images::{Image, ImageRef};
 use fast_image_resize::{FilterType, PixelType, ResizeAlg, ResizeOptions, Resizer};
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::{Error, Plane};
 
@@ -117,26 +121,38 @@ pub fn check_size(path: &Path, found: (usize, usize), expected: (usize, usize)) 
     if found == expected { Ok(()) } else { Err(Error::ImageSize { path: path.into(), found, expected }) }
 }
 
-/// Columns and rows of a PNG, from its head alone.
+/// How every JPEG begins, whatever its file is called.
+const JPEG: [u8; 3] = [0xff, 0xd8, 0xff];
+
+/// Columns and rows of a PNG or JPEG, from its head.
 ///
 /// # Errors
-/// As [`read_png`].
-pub fn size_of_png(path: &Path) -> Result<(usize, usize), Error> {
-    let file = File::open(path).map_err(common::Error::io(path))?;
-    let read = png::Decoder::new(BufReader::new(file)).read_info();
-    let (width, height) = read.map_err(|source| Error::Decode { path: path.into(), source })?.info().size();
+/// As [`read_image`].
+pub fn image_size(path: &Path) -> Result<(usize, usize), Error> {
+    let mut file = open(path)?;
+    if is_jpeg(&mut file, path)? {
+        let mut decoder = jpeg(read_all(file, path)?);
+        decoder.decode_headers().map_err(|source| undecoded(path, source))?;
+        return decoder.dimensions().ok_or_else(|| undecoded(path, NO_SIZE));
+    }
+    let read = png::Decoder::new(file).read_info();
+    let (width, height) = read.map_err(|source| undecoded(path, source))?.info().size();
     Ok((width as usize, height as usize))
 }
 
-/// Reads a colour or grey PNG of any depth as 8-bit RGB; transparency is
-/// dropped.
+/// Reads a colour or grey image as 8-bit RGB: a PNG of any depth, of which transparency is
+/// dropped, or a JPEG, told by how the file begins.
 ///
 /// # Errors
 /// [`common::Error::Io`] where it cannot be opened, [`Error::Decode`] where
-/// it is no intact PNG.
-pub fn read_png(path: impl AsRef<Path>) -> Result<RgbImage, Error> {
+/// it is no intact PNG or JPEG.
+pub fn read_image(path: impl AsRef<Path>) -> Result<RgbImage, Error> {
     let path = path.as_ref();
-    let (width, colour, data) = decode(path)?;
+    let mut file = open(path)?;
+    if is_jpeg(&mut file, path)? {
+        return read_jpeg(file, path);
+    }
+    let (width, colour, data) = decode(file, path)?;
     let samples = colour.samples();
     let data = match colour {
         png::ColorType::Rgb => data,
@@ -144,6 +160,41 @@ pub fn read_png(path: impl AsRef<Path>) -> Result<RgbImage, Error> {
         _ => data.chunks_exact(samples).flat_map(|p| [p[0]; 3]).collect(),
     };
     RgbImage::new(width, data).ok_or_else(|| pixel_kind(path, colour, "8-bit RGB"))
+}
+
+fn read_jpeg(file: BufReader<File>, path: &Path) -> Result<RgbImage, Error> {
+    let mut decoder = jpeg(read_all(file, path)?);
+    let data = decoder.decode().map_err(|source| undecoded(path, source))?;
+    let image = decoder.dimensions().and_then(|(width, _)| RgbImage::new(width, data));
+    image.ok_or_else(|| undecoded(path, NO_SIZE))
+}
+
+const NO_SIZE: &str = "it has no pixels";
+
+/// A decoder of RGB that takes nothing for granted: of an image that is cut off it gives an
+/// error, and no grey rows.
+fn jpeg(bytes: Vec<u8>) -> JpegDecoder<ZCursor<Vec<u8>>> {
+    let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB).set_strict_mode(true);
+    JpegDecoder::new_with_options(ZCursor::new(bytes), options)
+}
+
+fn open(path: &Path) -> Result<BufReader<File>, Error> {
+    Ok(BufReader::new(File::open(path).map_err(common::Error::io(path))?))
+}
+
+/// Whether a file that was just opened is a JPEG; nothing of it is taken.
+fn is_jpeg(file: &mut BufReader<File>, path: &Path) -> Result<bool, Error> {
+    Ok(file.fill_buf().map_err(common::Error::io(path))?.starts_with(&JPEG))
+}
+
+fn read_all(mut file: BufReader<File>, path: &Path) -> Result<Vec<u8>, Error> {
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(common::Error::io(path))?;
+    Ok(bytes)
+}
+
+fn undecoded(path: &Path, source: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Error {
+    Error::Decode { path: path.into(), source: source.into() }
 }
 
 /// Writes an 8-bit RGB PNG, whole or not at all.
@@ -157,11 +208,11 @@ pub fn write_png(path: impl AsRef<Path>, image: &RgbImage) -> Result<(), Error> 
 /// Reads an 8-bit grey PNG.
 ///
 /// # Errors
-/// As [`read_png`], and [`Error::PixelKind`] where it is no 8-bit grey image:
+/// As [`read_image`], and [`Error::PixelKind`] where it is no 8-bit grey image:
 /// a colour picture of probabilities has no agreed meaning.
 pub fn read_grey_png(path: impl AsRef<Path>) -> Result<Plane, Error> {
     let path = path.as_ref();
-    let (width, colour, data) = decode(path)?;
+    let (width, colour, data) = decode(open(path)?, path)?;
     let refused = || pixel_kind(path, colour, "8-bit grey");
     if colour != png::ColorType::Grayscale {
         return Err(refused());
@@ -181,10 +232,9 @@ fn pixel_kind(path: &Path, colour: png::ColorType, expected: &'static str) -> Er
     Error::PixelKind { path: path.into(), found: format!("{colour:?}"), expected }
 }
 
-fn decode(path: &Path) -> Result<(usize, png::ColorType, Vec<u8>), Error> {
-    let failed = |source| Error::Decode { path: path.into(), source };
-    let file = File::open(path).map_err(common::Error::io(path))?;
-    let mut decoder = png::Decoder::new(BufReader::new(file));
+fn decode(file: BufReader<File>, path: &Path) -> Result<(usize, png::ColorType, Vec<u8>), Error> {
+    let failed = |source| undecoded(path, source);
+    let mut decoder = png::Decoder::new(file);
     // To 8 bits per channel, palettes resolved.
     decoder.set_transformations(png::Transformations::normalize_to_color8());
     let mut reader = decoder.read_info().map_err(failed)?;
@@ -220,13 +270,13 @@ mod tests {
         let path = folder.path().join("a.png");
         let image = RgbImage::new(2, (0..18).collect()).unwrap();
         write_png(&path, &image).unwrap();
-        assert_eq!(read_png(&path).unwrap(), image);
+        assert_eq!(read_image(&path).unwrap(), image);
         let refused = read_grey_png(&path).unwrap_err().to_string();
         assert!(refused.contains("a.png") && refused.contains("8-bit grey"), "{refused}");
         let plane = Plane::new(3, (0..12).collect()).unwrap();
         write_grey_png(&path, &plane).unwrap();
         assert_eq!(read_grey_png(&path).unwrap(), plane);
-        assert_eq!(read_png(&path).unwrap().row(1), &[3, 3, 3, 4, 4, 4, 5, 5, 5]);
+        assert_eq!(read_image(&path).unwrap().row(1), &[3, 3, 3, 4, 4, 4, 5, 5, 5]);
     }
 
     #[test]
@@ -254,9 +304,35 @@ mod tests {
         let bytes = std::fs::read(&path).unwrap();
         for length in [0, 20, bytes.len() / 2] {
             std::fs::write(&path, &bytes[..length]).unwrap();
-            assert!(read_png(&path).unwrap_err().to_string().contains("broken.png"));
+            assert!(read_image(&path).unwrap_err().to_string().contains("broken.png"));
         }
-        assert!(read_png(folder.path().join("absent.png")).unwrap_err().to_string().contains("absent.png"));
+        assert!(read_image(folder.path().join("absent.png")).unwrap_err().to_string().contains("absent.png"));
+    }
+
+    #[test]
+    fn a_jpeg_is_read_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let whole = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/assets/street.jpg")).unwrap();
+        // Cameras call theirs as they like.
+        let path = folder.path().join("000000.png");
+        std::fs::write(&path, &whole).unwrap();
+        let image = read_image(&path).unwrap();
+        assert_eq!(image_size(&path).unwrap(), (image.width(), image.height()));
+        // Sky above a road: bright, and bluer than what is below.
+        let mean = |y: usize, channel: usize| {
+            let values = image.row(y).iter().skip(channel).step_by(3);
+            values.map(|v| f64::from(*v)).sum::<f64>() / image.width() as f64
+        };
+        let (top, bottom) = (image.height() / 20, image.height() - image.height() / 20);
+        assert!(mean(top, 2) > mean(bottom, 2) + 20.0, "{} {}", mean(top, 2), mean(bottom, 2));
+        assert!(mean(top, 2) - mean(top, 0) > mean(bottom, 2) - mean(bottom, 0));
+        for length in [3, 100, 1000, whole.len() / 2, whole.len() - 1000] {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            let error = read_image(&path).unwrap_err().to_string();
+            assert!(error.contains("000000.png") && error.contains("intact PNG or JPEG"), "{error}");
+        }
+        let error = image_size(folder.path().join("absent.jpg").as_path()).unwrap_err().to_string();
+        assert!(error.contains("absent.jpg"), "{error}");
     }
 
     #[test]

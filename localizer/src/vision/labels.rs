@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::image::{check_size, read_grey_png, size_of_png, write_grey_png};
+use super::image::{check_size, image_size, read_grey_png, write_grey_png};
 use super::{Class, Error, ProbabilityMaps};
 
 /// Where the map of a class and frame lies.
@@ -18,11 +18,11 @@ pub fn path(folder: &Path, class: Class, frame: usize) -> PathBuf {
 ///
 /// # Errors
 /// [`Error::NoLabels`] where no class has a map of this frame, and what
-/// [`super::read_png`] says.
+/// [`super::read_image`] says.
 pub fn size(folder: &Path, frame: usize) -> Result<(usize, usize), Error> {
     let mut paths = Class::ALL.into_iter().map(|class| path(folder, class, frame));
     let first = paths.find(|path| path.exists());
-    size_of_png(&first.ok_or_else(|| Error::NoLabels { folder: folder.into(), frame })?)
+    image_size(&first.ok_or_else(|| Error::NoLabels { folder: folder.into(), frame })?)
 }
 
 /// Reads the maps of a frame. With `expected`, the size of the image, a map
@@ -49,6 +49,27 @@ pub fn read(folder: &Path, frame: usize, expected: Option<(usize, usize)>) -> Re
         maps.get_or_insert_with(|| ProbabilityMaps::zeros(size.0, size.1)).set(class, plane)?;
     }
     maps.ok_or_else(|| Error::NoLabels { folder: folder.into(), frame })
+}
+
+/// Folders with images in them that are of no class, by their names: a misspelt class would have
+/// probability zero everywhere, and nobody would know.
+///
+/// # Errors
+/// [`common::Error::Io`] where the folder cannot be read.
+pub fn strangers(folder: &Path) -> Result<Vec<String>, Error> {
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(common::Error::io(folder))? {
+        let inner = entry.map_err(common::Error::io(folder))?.path();
+        let name = inner.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let is_image = |path: &Path| path.extension().is_some_and(|extension| extension == "png");
+        // A file has no entries.
+        let mut entries = std::fs::read_dir(&inner).into_iter().flatten().flatten();
+        if Class::ALL.iter().all(|class| class.name() != name) && entries.any(|entry| is_image(&entry.path())) {
+            names.push(name);
+        }
+    }
+    names.sort();
+    Ok(names)
 }
 
 /// Writes the maps of a frame, all classes; folders are created.
@@ -80,6 +101,19 @@ mod tests {
         assert_eq!(read(folder.path(), 7, Some((3, 2))).unwrap(), maps);
         std::fs::remove_dir_all(folder.path().join("lane")).unwrap();
         assert_eq!(read(folder.path(), 7, None).unwrap(), maps);
+    }
+
+    #[test]
+    fn folders_of_no_class_are_strangers() {
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path(), 7, &ProbabilityMaps::zeros(3, 2)).unwrap();
+        std::fs::create_dir(folder.path().join("notes")).unwrap();
+        std::fs::write(folder.path().join("list.png"), "").unwrap();
+        assert!(strangers(folder.path()).unwrap().is_empty());
+        for (class, name) in [(Class::Lane, "lanes"), (Class::Sign, "Sign")] {
+            std::fs::rename(folder.path().join(class.name()), folder.path().join(name)).unwrap();
+        }
+        assert_eq!(strangers(folder.path()).unwrap(), ["Sign", "lanes"]);
     }
 
     #[test]

@@ -21,7 +21,7 @@ pub mod trunks;
 
 pub use config::VisionConfig;
 pub use error::Error;
-pub use image::{RgbImage, read_png, write_png};
+pub use image::{RgbImage, read_image, write_png};
 pub use network::Network;
 pub use plane::{Class, Plane, ProbabilityMaps};
 

@@ -54,6 +54,9 @@ impl Export {
         let text = format.text(&map, &frame)?;
         atomic_file::write(&self.out, text.as_bytes())?;
         print(&format!("{}: {} bytes, {}\n", self.out.display(), text.len(), frame.note()));
+        if format == Format::Geojson && self.origin.is_none() {
+            print("GIS programs take GeoJSON for degrees: set local metres there, or give --origin\n");
+        }
         Ok(Outcome::Done)
     }
 }

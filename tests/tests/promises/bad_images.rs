@@ -90,6 +90,30 @@ fn a_damaged_image_amid_a_drive_is_told_and_passed_over() {
     assert!(!out.exists());
 }
 
+/// A night of `segment` is not lost for one image.
+#[test]
+fn a_damaged_image_costs_no_other_its_labels() {
+    let root = plain();
+    let images = root.path().join("sequences/04/image_2");
+    for frame in 0..3 {
+        write_png(&images.join(format!("{frame:06}.png")), (1226, 370), png::ColorType::Rgb);
+    }
+    std::fs::write(images.join("000001.png"), "no image").unwrap();
+    let network = root.path().join("tiny.onnx");
+    std::fs::write(&network, sigmoid_network([1, 3, 4, 8])).unwrap();
+    let description = "mean = [0, 0, 0]\nstd = [1, 1, 1]\n[classes]\npole = [0]\n";
+    std::fs::write(network.with_extension("toml"), description).unwrap();
+    let out = root.path().join("labels");
+    let ran =
+        run("localizer", &["segment", "--kitti", text(root.path()), "--pole-net", text(&network), "--out", text(&out)]);
+    assert!(ran.code == 2 && ran.out.contains("2 frames written"), "{ran:?}");
+    for said in ["note: frame 1 is passed over: ", "000001.png", "the images of 1 frames could not be read"] {
+        assert!(ran.err.contains(said), "{ran:?}");
+    }
+    let written = |frame: usize| out.join(format!("pole/{frame:06}.png")).is_file();
+    assert_eq!([0, 1, 2].map(written), [true, false, true]);
+}
+
 /// Built with the feature `ort` or without it.
 #[test]
 fn a_runtime_that_is_not_there() {

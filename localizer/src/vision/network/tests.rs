@@ -224,7 +224,7 @@ fn the_known_networks_need_no_description_and_find_a_real_lamp_post_and_lane() {
     let Some(shared) = shared() else { return };
     let networks = ["espnetv2_cityscapes_384x1248.onnx", "twinlitenet_lane_384x1248.onnx"]
         .map(|name| Network::load(shared.join("models").join(name), Runtime::default()).unwrap());
-    let image = crate::vision::read_png(shared.join("kitti/sequences/04/image_2/000000.png")).unwrap();
+    let image = crate::vision::read_image(shared.join("kitti/sequences/04/image_2/000000.png")).unwrap();
     let maps = run_all(&networks, &image).unwrap();
     let features = crate::vision::extract(&maps, Some(&image.grey()), &crate::vision::VisionConfig::default());
     // By eye in the image: the mast beside the speed limit, and the left end
@@ -253,7 +253,7 @@ fn both_runtimes_give_the_same_probabilities() {
     let (built_in, other) = (load(Runtime::Rten), load(Runtime::Ort));
     for frame in ["000000", "000040"] {
         let image = shared.join(format!("kitti/sequences/04/image_2/{frame}.png"));
-        let image = crate::vision::read_png(image).unwrap();
+        let image = crate::vision::read_image(image).unwrap();
         let maps = [&built_in, &other].map(|networks| run_all(networks, &image).unwrap());
         for class in Class::ALL {
             let [a, b] = maps.each_ref().map(|maps| maps.plane(class).data());

@@ -230,7 +230,7 @@ fn no_graph_makes_it_panic() {
 #[test]
 fn the_known_networks_do_less_and_say_the_same() {
     let Some(shared) = shared() else { return };
-    let image = crate::vision::read_png(shared.join("kitti/sequences/04/image_2/000000.png")).unwrap();
+    let image = crate::vision::read_image(shared.join("kitti/sequences/04/image_2/000000.png")).unwrap();
     let pixel = |channel: usize, row: usize, column: usize| {
         image.row(row.min(image.height() - 1)).get(3 * column + channel).map_or(0.0, |&value| f32::from(value) / 255.0)
     };

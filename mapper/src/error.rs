@@ -323,10 +323,12 @@ pub enum Error {
     },
     /// A map too large to look from every place of it.
     #[error(
-        "the map's roads and lines are {length_m:.1e} m long (at most {longest_m:.0e} m is accepted): \
+        "the roads and lines of {name} are {length_m:.1e} m long (at most {longest_m:.0e} m is accepted): \
          build the map again, or give parts of it"
     )]
     TooLong {
+        /// The map, as people know it.
+        name: String,
         /// Length of its roads and lines, metres.
         length_m: f64,
         /// The largest that is accepted, metres.

@@ -20,6 +20,7 @@ pub mod drive;
 pub mod error;
 pub mod evidence;
 pub mod export;
+mod extent;
 pub mod fuse;
 pub mod grid;
 pub mod ground;

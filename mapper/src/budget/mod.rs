@@ -28,6 +28,7 @@ pub use stored::Stored;
 
 use crate::error::{Error, Result};
 use crate::evidence::MapEvidence;
+use crate::extent;
 
 /// A map and how well its landmarks are known, in the map's order.
 #[derive(Debug, Clone, Copy)]
@@ -78,17 +79,6 @@ pub struct Reduced {
     pub predicted: Accuracy,
 }
 
-/// Most metres of roads and lines: every few of them there is a place to look from, or a knot
-/// of a line to look at, of some hundred bytes. One map of the roads of a country is as long,
-/// and a damaged or made one longer than memory.
-const LONGEST_M: f64 = 1e7;
-
-/// Length of all roads and lines of a map, metres.
-fn length_m(map: &SemanticMap) -> f64 {
-    let lines = map.roads.iter().map(|road| &road.path_map).chain(map.lanes.iter().map(|lane| &lane.points_map));
-    lines.flat_map(|points| points.windows(2)).map(|pair| (pair[1] - pair[0]).norm()).sum()
-}
-
 /// The map within `budget_bytes` that localizes best: all of it where it fits.
 ///
 /// # Errors
@@ -96,10 +86,7 @@ fn length_m(map: &SemanticMap) -> f64 {
 /// [`Error::BudgetTooSmall`] where the roads alone take more, and as
 /// [`SemanticMap::encode`].
 pub fn reduce(whole: Known<'_>, budget_bytes: usize, config: &BudgetConfig) -> Result<Reduced> {
-    let length_m = length_m(whole.map);
-    if length_m > LONGEST_M {
-        return Err(Error::TooLong { length_m, longest_m: LONGEST_M });
-    }
+    extent::check(whole.map, "the map")?;
     let places = Places::along(&whole.map.roads, config);
     let unchanged = Detail::unchanged(whole.quantum_m);
     let coarser = config.coarser.iter().map(|level| Detail::from(*level)).filter(|d| d.quantum_m >= whole.quantum_m);

@@ -152,7 +152,7 @@ pub fn select(
             continue;
         }
         if taken.fits(best.landmark, bytes, budget_bytes)? {
-            taken.take(best.landmark, bytes)?;
+            taken.take(best.landmark)?;
             belief.take(&rows[best.landmark]);
             misses = 0;
         } else {
@@ -178,12 +178,15 @@ struct Taken<'a> {
     groups: BTreeMap<Group, (Vec<usize>, usize)>,
     /// About the bytes of the file.
     bytes: usize,
+    /// Bytes of a group of nothing, which are in those of the file already.
+    empty_group: usize,
 }
 
 impl<'a> Taken<'a> {
     fn new(coder: &'a Coder<'a>) -> Result<Self> {
         let bytes = coder.file_bytes(&[])?;
-        Ok(Self { coder, list: Vec::new(), groups: BTreeMap::new(), bytes })
+        let empty_group = coder.group_bytes(&[])?;
+        Ok(Self { coder, list: Vec::new(), groups: BTreeMap::new(), bytes, empty_group })
     }
 
     /// Bytes that a landmark adds to its group.
@@ -203,12 +206,13 @@ impl<'a> Taken<'a> {
         Ok(self.coder.file_bytes(&list)? <= budget_bytes)
     }
 
-    fn take(&mut self, landmark: usize, bytes: usize) -> Result<()> {
+    fn take(&mut self, landmark: usize) -> Result<()> {
         self.list.push(landmark);
         let group = self.groups.entry(self.coder.group(landmark)).or_default();
+        let before = if group.0.is_empty() { self.empty_group } else { group.1 };
         group.0.push(landmark);
         group.1 = self.coder.group_bytes(&group.0)?;
-        self.bytes += bytes;
+        self.bytes += group.1.saturating_sub(before);
         Ok(())
     }
 }

@@ -8,6 +8,7 @@ use common::config::load_or_default;
 use super::{ConfigArgs, Outcome, print, print_json};
 use crate::diff::{DiffConfig, LIMITS, MapDiff};
 use crate::error::Result;
+use crate::extent;
 
 /// Say what changed from one map to another, one line for each landmark; exit
 /// with 1 if anything did.
@@ -44,7 +45,7 @@ impl Diff {
         let (Some(config), Some(old), Some(new)) = (config, &self.old, &self.new) else {
             return Ok(Outcome::Done);
         };
-        let diff = MapDiff::of(&common::map::read(old)?, &common::map::read(new)?, &config);
+        let diff = MapDiff::of(&extent::read(old)?, &extent::read(new)?, &config);
         if self.json {
             print_json(&diff)?;
         } else {

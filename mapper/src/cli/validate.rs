@@ -7,6 +7,7 @@ use common::config::load_or_default;
 
 use super::{ConfigArgs, Outcome, print, print_json};
 use crate::error::Result;
+use crate::extent;
 use crate::validate::{LIMITS, ValidateConfig, text, validate};
 
 /// Ask what a careful reader of a map would ask, one line for each finding;
@@ -32,7 +33,7 @@ impl Validate {
         else {
             return Ok(Outcome::Done);
         };
-        let findings = validate(&common::map::read(map)?, &config);
+        let findings = validate(&extent::read(map)?, &config);
         if self.json {
             print_json(&findings)?;
         } else {

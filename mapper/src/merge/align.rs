@@ -16,6 +16,8 @@
 //! ([`agreeing_pairs`]), then decided by distance, in rounds of smaller and
 //! smaller gates.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Point3;
 
 use super::config::{AlignConfig, MergeConfig};
@@ -92,6 +94,27 @@ fn solved<'a>(sources: &[Source], takes_part: &[bool], config: &'a MergeConfig) 
     }
     let shared = problem.shared(config.fuse.pole_within_m);
     (problem, shared)
+}
+
+/// Landmarks of a map that other maps should have, too.
+#[derive(Debug, Clone, Copy, Default)]
+struct Tally {
+    /// Those beside a road of the others.
+    checked: usize,
+    /// Of these, those that the others have.
+    found: usize,
+}
+
+impl Tally {
+    fn count(&mut self, is_found: bool) {
+        self.checked += 1;
+        self.found += usize::from(is_found);
+    }
+
+    /// Whether fewer are found than [`AlignConfig::least_shared`] says.
+    fn is_low(self, config: &AlignConfig) -> bool {
+        (self.found as f64) < config.least_shared * self.checked as f64
+    }
 }
 
 struct Problem<'a> {
@@ -315,29 +338,38 @@ impl<'a> Problem<'a> {
             map.roads.iter().map(move |road| (source as u32, &road.path_map[..]))
         });
         let witnesses = Witnesses::new(paths);
-        let mut is_shared = vec![false; self.marks.len()];
-        shared.iter().flatten().for_each(|&mark| is_shared[mark] = true);
-        let (mut checked, mut found) = (vec![0_usize; sources.len()], vec![0_usize; sources.len()]);
-        for (mark, is_shared) in self.marks.iter().zip(&is_shared) {
-            let below_m = if mark.is_pole() { config.witness.ground_m() } else { config.witness.signs_m() };
-            let near = witnesses.near(&mark.held.point_map, config.witness.point_m, &below_m);
-            if near.iter().any(|(pass, _)| *pass as usize != mark.source) {
-                checked[mark.source] += 1;
-                found[mark.source] += usize::from(*is_shared);
+        let mut with: Vec<Vec<usize>> = vec![Vec::new(); self.marks.len()];
+        for members in shared {
+            for &mark in members {
+                with[mark] = members.iter().map(|&member| self.marks[member].source).collect();
             }
         }
-        let state = |(checked, found): (usize, usize)| {
-            if checked == 0 {
+        let mut with_any = vec![Tally::default(); sources.len()];
+        let mut with_one: BTreeMap<(usize, usize), Tally> = BTreeMap::new();
+        for (mark, with) in self.marks.iter().zip(&with) {
+            let below_m = if mark.is_pole() { config.witness.ground_m() } else { config.witness.signs_m() };
+            let near = witnesses.near(&mark.held.point_map, config.witness.point_m, &below_m);
+            let mut others = near.iter().map(|(pass, _)| *pass as usize).filter(|pass| *pass != mark.source).peekable();
+            if others.peek().is_some() {
+                with_any[mark.source].count(!with.is_empty());
+            }
+            others.for_each(|other| with_one.entry((mark.source, other)).or_default().count(with.contains(&other)));
+        }
+        // A map that fits nowhere, beside most of it, must not make one that fits another unaligned.
+        let fits_one = |source: usize| {
+            let mut ones = with_one.range((source, 0)..(source + 1, 0));
+            ones.any(|(_, tally)| tally.found >= self.config.fewest_votes && !tally.is_low(self.config))
+        };
+        let state = |(source, tally): (usize, Tally)| {
+            if tally.checked == 0 {
                 State::Alone
-            } else if checked >= self.config.fewest_checked
-                && (found as f64) < self.config.least_shared * checked as f64
-            {
+            } else if tally.checked >= self.config.fewest_checked && tally.is_low(self.config) && !fits_one(source) {
                 State::Unaligned
             } else {
                 State::Aligned
             }
         };
-        checked.into_iter().zip(found).map(state).collect()
+        with_any.into_iter().enumerate().map(state).collect()
     }
 
     fn apart_m(&self, shared: &Shared) -> [f64; 2] {

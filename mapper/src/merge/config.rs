@@ -76,8 +76,8 @@ pub struct AlignConfig {
     /// Fewest landmarks near the other maps from which on it is asked whether
     /// a map could be aligned.
     pub fewest_checked: usize,
-    /// Least share of them that other maps have, too; a map with fewer is kept
-    /// as given.
+    /// Least share of them that other maps have, too, or of those beside one of
+    /// these that this one has; a map with fewer is kept as given.
     pub least_shared: f64,
 }
 

@@ -18,6 +18,7 @@ use common::map::{EncodeOptions, SemanticMap, layout};
 use super::known;
 use crate::error::{Error, Result};
 use crate::evidence::{MapEvidence, PointCovariances};
+use crate::extent;
 use crate::report::{Beside, checksum, read_beside};
 
 /// The first bytes of a file of sources.
@@ -88,6 +89,7 @@ impl Sources {
     pub fn add_file(&mut self, path: &Path) -> Result<Added> {
         let bytes = std::fs::read(path).map_err(common::Error::io(path))?;
         let map = SemanticMap::decode(&bytes).map_err(common::Error::in_file(path))?;
+        extent::check(&map, &path.display().to_string())?;
         let beside = path_beside(path);
         let mut added = Added::default();
         let sources = match std::fs::read(&beside) {
@@ -184,6 +186,7 @@ impl Sources {
         for _ in 0..count {
             let (source, known) = (part()?, part()?);
             let map = SemanticMap::decode(source).map_err(|error| error.to_string())?;
+            extent::check(&map, "a map in it").map_err(|error| error.to_string())?;
             if !known.is_empty() && known::from_bytes(known, &map).is_none() {
                 return Err("it has covariances of other landmarks than its map".into());
             }

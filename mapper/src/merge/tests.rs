@@ -173,6 +173,21 @@ fn a_map_that_does_not_fit_is_kept_as_given_and_said() {
     assert_eq!(map.poles.len(), here.poles.len() + there.poles.len());
 }
 
+/// Most of the long map lies beside the one that does not fit alone.
+#[test]
+fn a_map_that_does_not_fit_takes_none_with_it() {
+    let (long, other) = (pass(&street(4), 1, Vector3::zeros()), pass(&street(99), 2, Vector3::zeros()));
+    let mut short = pass(&street(4), 3, Vector3::new(0.3, 0.0, 0.1));
+    short.roads.truncate(1);
+    short.poles.truncate(5);
+    short.lanes.retain(|lane| lane.road == RoadId(0));
+    let Merged { map, report } = merged(&[long.clone(), short, other.clone()]);
+    let mut states: Vec<&str> = report.sources.iter().map(|source| source.state).collect();
+    states.sort_unstable();
+    assert_eq!(states, ["aligned", "aligned", "unaligned"]);
+    assert_eq!(map.poles.len(), long.poles.len() + other.poles.len());
+}
+
 #[test]
 fn maps_far_from_each_other_stay_as_they_are() {
     let (here, there) = (street(5), pass(&street(6), 2, Vector3::x() * 5000.0));

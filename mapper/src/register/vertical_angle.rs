@@ -1,6 +1,7 @@
 //! A constant error of the lidar's vertical angles, from the ground.
 
 use common::geometry::local;
+use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -41,14 +42,17 @@ impl Default for VerticalAngleConfig {
     }
 }
 
-/// Difference of pitch between registration and survey, per motion, radians.
+/// Difference of pitch between registration and survey, per motion, radians: about the axis
+/// of the camera, x or z, that lies across the way, for a lidar need not look along it.
 fn pitch_differences(drive: &Drive, frames: &[usize], motions: &[Motion]) -> Vec<f64> {
+    let way_m = motions.iter().fold(Vector3::zeros(), |sum, m| sum + m.before_from_after.translation.vector.abs());
+    let across = if way_m.z >= way_m.x { 0 } else { 2 };
     motions
         .iter()
         .zip(frames.windows(2))
         .map(|(m, f)| {
             let survey = drive.survey[f[0]].inverse() * drive.survey[f[1]];
-            local(&survey, &m.before_from_after)[3]
+            local(&survey, &m.before_from_after)[3 + across]
         })
         .collect()
 }

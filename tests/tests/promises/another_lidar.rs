@@ -166,6 +166,33 @@ fn scans_in_the_frame_of_the_vehicle_say_where_the_lidar_is() {
     }
 }
 
+#[test]
+fn a_lidar_that_looks_to_the_side_gives_the_same_map() {
+    let root = tempfile::tempdir().unwrap();
+    let drive = root.path().join("drive");
+    generate(&drive, "", &["--frames", "60", "--scan-every", "5"]).ok();
+    let camera_from_lidar = Calibration::read(drive.join("sequences/00/calib.txt")).unwrap().camera_from_velodyne;
+    let poses = read_poses(drive.join("poses/00.txt")).unwrap();
+    // What others call x is y of KITTI's: to the left.
+    let lidar_from_turned = Pose::rotation(std::f64::consts::FRAC_PI_2 * Vector3::z());
+    let mut raised_rad = Vec::new();
+    for from_turned in [Pose::identity(), lidar_from_turned] {
+        if from_turned != Pose::identity() {
+            rewrite(&drive, |points| points.iter_mut().for_each(|p| (p.x_m, p.y_m) = (p.y_m, -p.x_m)));
+        }
+        let survey = root.path().join("poses.txt");
+        let of_lidar = |pose: &Pose| camera_from_lidar.inverse() * pose * camera_from_lidar * from_turned;
+        std::fs::write(&survey, poses_text(&poses.iter().map(of_lidar).collect::<Vec<Pose>>())).unwrap();
+        let (scans, map) = (drive.join("sequences/00/velodyne"), root.path().join("map.csm"));
+        let words = ["build", "--scans", text(&scans), "--survey", text(&survey), "--out", text(&map)];
+        run("mapper", &words).ok();
+        let report = std::fs::read_to_string(map.with_extension("build.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        raised_rad.push(report["registration"]["vertical_angle_rad"].as_f64().unwrap());
+    }
+    assert!(raised_rad[0] > 0.002 && (raised_rad[1] - raised_rad[0]).abs() < 2e-4, "{raised_rad:?}");
+}
+
 /// Writes a calibration with another `Tr`.
 fn write_tr(calib: &Path, camera_from_scans: &Pose, to: &Path) {
     let rows = camera_from_scans.to_homogeneous().fixed_rows::<3>(0).transpose();

@@ -1,5 +1,6 @@
 //! Files of one scan: LAS, LAZ, PCD, PLY, and KITTI's.
 
+mod bin;
 mod las;
 mod las_check;
 mod lzf;
@@ -8,8 +9,9 @@ mod ply;
 
 use std::path::Path;
 
-use common::kitti::{Scan, ScanPoint, read_scan};
+use common::kitti::{Scan, ScanPoint};
 
+use self::bin::Bin;
 pub use self::las::{are_noise, at_a_time, cut_off, reader as las_reader};
 use super::beams::Steps;
 use crate::error::{Error, Result};
@@ -17,7 +19,7 @@ use crate::error::{Error, Result};
 /// A format of scans.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ScanFormat {
-    /// KITTI: x, y, z, reflectance as 32-bit floats.
+    /// KITTI: x, y, z, reflectance as 32-bit floats; or these and the beam.
     Bin,
     /// ASPRS LAS, compressed or not.
     Las,
@@ -63,14 +65,16 @@ impl ScanFormat {
     ///
     /// # Errors
     /// [`Error::BadScan`] where the file is not what it should be, and as
-    /// [`read_scan`].
+    /// [`bin::read`].
     pub fn read(self, path: &Path, max_range_m: f32, steps: Steps) -> Result<Scan> {
         let points = match self {
-            Self::Bin => {
-                let mut scan = read_scan(path, max_range_m)?;
-                steps.put_in_order(&mut scan.points, &[]);
-                return Ok(scan);
-            }
+            Self::Bin => match bin::read(path, max_range_m)? {
+                Bin::Kitti(mut scan) => {
+                    steps.put_in_order(&mut scan.points, &[]);
+                    return Ok(scan);
+                }
+                Bin::More(points) => points,
+            },
             Self::Las => las::read(path)?,
             Self::Pcd => pcd::read(path)?,
             Self::Ply => ply::read(path)?,

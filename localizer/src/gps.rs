@@ -85,6 +85,8 @@ pub struct GpsFix {
     pub heading: Option<(f64, f64)>,
     /// The heading is the course over ground: of little worth at walking pace.
     pub is_course: bool,
+    /// How long before the image it was taken, seconds; negative after it.
+    pub age_s: f64,
 }
 
 impl GpsFix {
@@ -97,6 +99,7 @@ impl GpsFix {
             horizontal_sigma_m: config.horizontal_sigma_m,
             heading: Some((parameters.yaw_rad, config.heading_sigma_deg.to_radians())),
             is_course: false,
+            age_s: 0.0,
         }
     }
 
@@ -109,7 +112,7 @@ impl GpsFix {
     /// A fix at a position, metres, that knows no heading.
     fn at(position: [f64; 3], config: &GpsConfig) -> Self {
         let horizontal_sigma_m = config.horizontal_sigma_m;
-        Self { position_map: Point3::from(position), horizontal_sigma_m, heading: None, is_course: false }
+        Self { position_map: Point3::from(position), horizontal_sigma_m, heading: None, is_course: false, age_s: 0.0 }
     }
 
     /// The time of a row `t x y z` or `t x y z qx qy qz qw` (TUM), seconds, and its fix;
@@ -127,6 +130,13 @@ impl GpsFix {
             }
             _ => None,
         }
+    }
+
+    /// The same at the time of the image, which a camera of this velocity, m/s in the map,
+    /// came to.
+    #[must_use]
+    pub fn moved_on(self, velocity_map: &Vector3<f64>) -> Self {
+        Self { position_map: self.position_map + velocity_map * self.age_s, age_s: 0.0, ..self }
     }
 
     /// The heading at a speed, and how well it is known then, radians.
@@ -184,7 +194,8 @@ enum Place {
 }
 
 /// Reads fixes of given frames: rows `t x y z`, `t x y z qx qy qz qw` (TUM;
-/// the frame is the one of `times_s` that is nearest), `frame` and a 3x4 pose,
+/// the frame is the one of `times_s` that is nearest, and of several of a frame the
+/// nearest one is taken), `frame` and a 3x4 pose,
 /// or a 3x4 pose for each frame from 0 on (twelve `nan` for none). Only the
 /// horizontal position is used, and the heading where the row has one. A receiver
 /// is on before the camera and after it, and while it pauses: what belongs to no
@@ -210,7 +221,7 @@ pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<FixFile>
         if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
             return Err(bad_number(path, line, &bad.to_string()));
         }
-        let (place, fix) = match *values.as_slice() {
+        let (place, mut fix) = match *values.as_slice() {
             [_, _, forward_x, x, _, _, _, y, _, _, forward_z, z] => {
                 (Place::Frame(index), GpsFix::headed([x, y, z], [forward_x, forward_z], config))
             }
@@ -235,14 +246,20 @@ pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<FixFile>
                     first_astray.get_or_insert((line, off));
                     None
                 },
-                Some,
+                |(frame, age_s)| {
+                    fix.age_s = age_s;
+                    Some(frame)
+                },
             ),
         };
         let Some(frame) = frame else {
             file.astray_lines.push(line);
             continue;
         };
-        file.fixes.insert(frame, fix);
+        let known = file.fixes.entry(frame).or_insert(fix);
+        if fix.age_s.abs() <= known.age_s.abs() {
+            *known = fix;
+        }
     }
     match first_astray.filter(|_| file.fixes.is_empty()) {
         Some((line, (time_s, off_s))) => Err(Error::GpsTime { path: path.to_path_buf(), line, time_s, off_s }),
@@ -273,15 +290,19 @@ pub(crate) fn numbers(path: &Path, line: usize, row: &str) -> Result<Vec<f64>> {
         .collect()
 }
 
-/// The frame whose time is nearest, at most half a frame away; else how far away it
-/// is, seconds.
-fn frame_at(time_s: f64, times_s: &[f64]) -> std::result::Result<usize, f64> {
-    let off = |frame: &usize| (times_s[*frame] - time_s).abs();
-    let nearest = (0..times_s.len()).min_by(|a, b| off(a).total_cmp(&off(b)));
+/// The frame whose time is nearest, at most half a frame away, and by how much it is later,
+/// seconds; else how far away it is.
+fn frame_at(time_s: f64, times_s: &[f64]) -> std::result::Result<(usize, f64), f64> {
+    let later_s = |frame: usize| times_s[frame] - time_s;
+    // Times ascend.
+    let after = times_s.partition_point(|at_s| *at_s < time_s);
+    let beside = [after.checked_sub(1), Some(after).filter(|after| *after < times_s.len())];
+    let nearest = beside.into_iter().flatten().min_by(|a, b| later_s(*a).abs().total_cmp(&later_s(*b).abs()));
     let span_s = times_s.last().zip(times_s.first()).map_or(0.0, |(last, first)| last - first);
     let half_s = 0.5 * span_s / times_s.len().saturating_sub(1).max(1) as f64;
     let frame = nearest.ok_or(f64::INFINITY)?;
-    if off(&frame) <= half_s + 1e-9 { Ok(frame) } else { Err(off(&frame)) }
+    let later_s = later_s(frame);
+    if later_s.abs() <= half_s + 1e-9 { Ok((frame, later_s)) } else { Err(later_s.abs()) }
 }
 
 #[cfg(test)]
@@ -311,6 +332,20 @@ mod tests {
         let none = "nan ".repeat(12);
         let fixes = read_text(&format!("{none}\n1 0 0 5 0 1 0 6 0 0 1 7\n")).unwrap();
         assert_eq!(fixes.keys().copied().collect::<Vec<_>>(), [1]);
+    }
+
+    #[test]
+    fn of_many_fixes_the_nearest_to_a_frame_is_taken_and_moved_on() {
+        let rows: Vec<String> = (0..31).map(|i| format!("{:.2} {i} 0 0", f64::from(i) * 0.01)).collect();
+        let fixes = read_text(&rows.join("\n")).unwrap();
+        let at_m: Vec<f64> = fixes.values().map(|fix| fix.position_map.x).collect();
+        assert_eq!(at_m, [0.0, 10.0, 20.0, 30.0]);
+        // A receiver that is 40 ms later than the camera, and one that is earlier.
+        let fixes = read_text("0.14 14 0 0\n0.26 26 0 0\n").unwrap();
+        let moved: Vec<f64> =
+            fixes.values().map(|fix| fix.moved_on(&Vector3::new(100.0, 0.0, 0.0)).position_map.x).collect();
+        assert!((moved[0] - 10.0).abs() < 1e-9 && (moved[1] - 30.0).abs() < 1e-9, "{moved:?}");
+        assert_eq!(fixes.keys().copied().collect::<Vec<_>>(), [1, 3]);
     }
 
     #[test]

@@ -64,6 +64,7 @@ pub mod output;
 pub mod overlay;
 mod pace;
 pub mod paper_tracker;
+mod passage;
 pub mod prepare;
 pub mod preselect;
 pub mod projection;

@@ -4,17 +4,16 @@
 //! A drive that is told so gives the same poses as [`crate::run::localize`] gives it as a
 //! whole, for neither looks ahead.
 
+use std::collections::VecDeque;
 use std::time::Instant;
-
-use nalgebra::{Point3, Vector3};
 
 use crate::Result;
 use crate::camera::{ScaledCamera, Seen};
 use crate::config::Config;
-use crate::estimate::Status;
 use crate::gps::GpsFix;
 use crate::local_map::LocalMap;
 use crate::odometry::{Odometry, OdometryConfig, OdometryLog, RunningLog, WheelLines};
+use crate::passage::Passage;
 use crate::run::{FrameFeatures, FrameResult, Localizer, Method};
 use crate::watch::{Sensors, Watcher};
 
@@ -34,16 +33,20 @@ pub struct LiveLocalizer<'m> {
     log: RunningLog,
     /// What came since the last image.
     pub received: Received,
-    before: Option<Before>,
+    passage: Passage,
 }
 
 /// What came from other sensors, and no image has come for yet.
 #[derive(Debug, Default)]
 pub struct Received {
     wheels: WheelLines,
-    /// The last fix, and its time, seconds.
-    fix: Option<(f64, GpsFix)>,
+    /// The last fixes, and their times, seconds, as they came: an image takes a while to
+    /// come, and fixes that were taken after it may be here before.
+    fixes: VecDeque<(f64, GpsFix)>,
 }
+
+/// Fixes that are kept for an image that has not come yet: a second of 100 Hz.
+const MOST_FIXES: usize = 100;
 
 impl Received {
     /// The mean motion since the line before, as wheels, m/s, and a gyroscope, rad/s
@@ -53,20 +56,21 @@ impl Received {
         self.wheels.push(time_s, Odometry::of_wheels(speed_m_s, yaw_rate_rad_s))
     }
 
-    /// A rough position at `time_s`, seconds: the next image that is no older starts, or is
-    /// bound, by the last that came.
+    /// A rough position at `time_s`, seconds: an image starts, or is bound, by the last one
+    /// that came and was taken before it.
     pub fn gps(&mut self, time_s: f64, fix: GpsFix) {
-        self.fix = Some((time_s, fix));
+        if self.fixes.len() >= MOST_FIXES {
+            self.fixes.pop_front();
+        }
+        self.fixes.push_back((time_s, fix));
     }
-}
 
-/// Where the camera was, and how it moved there.
-#[derive(Debug, Clone, Copy)]
-struct Before {
-    time_s: f64,
-    position_map: Point3<f64>,
-    /// Since the image before, metres per second.
-    velocity_map: Vector3<f64>,
+    /// The last fix that was taken no later than this, and its time, seconds; it and those
+    /// that came before it are gone then.
+    fn take_fix(&mut self, time_s: f64) -> Option<(f64, GpsFix)> {
+        let last = self.fixes.iter().rposition(|(fix_s, _)| *fix_s <= time_s + ROUNDING_S)?;
+        self.fixes.drain(..=last).next_back()
+    }
 }
 
 impl<'m> LiveLocalizer<'m> {
@@ -86,7 +90,7 @@ impl<'m> LiveLocalizer<'m> {
             has_wheels: sensors.wheels,
             log: RunningLog::default(),
             received: Received::default(),
-            before: None,
+            passage: Passage::default(),
         }
     }
 
@@ -103,9 +107,11 @@ impl<'m> LiveLocalizer<'m> {
         let features_ms = seen.features_ms + started.elapsed().as_secs_f64() * 1e3;
         let seen = FrameFeatures { frame, time_s, features: seen.features, maps_ms: seen.maps_ms, features_ms };
         let result = self.localizer.follow(&seen, gps.as_ref(), self.log.log())?;
-        self.log.forget(time_s);
-        self.sway.forget(time_s);
-        self.before = result.as_ref().and_then(|result| self.now(result));
+        // Images that are passed by are gone over again with the next.
+        let gone_over_s = self.localizer.gone_over_s().unwrap_or(time_s);
+        self.log.forget(gone_over_s);
+        self.sway.forget(gone_over_s);
+        self.passage.pass(result.as_ref());
         Ok(result)
     }
 
@@ -127,28 +133,12 @@ impl<'m> LiveLocalizer<'m> {
         });
     }
 
-    /// The last fix that came, moved on to the time of an image; none where it is later
-    /// than that, or too old.
+    /// The last fix that was taken before an image, moved on to its time; none where that is
+    /// too old.
     fn fix_for(&mut self, time_s: f64) -> Option<GpsFix> {
-        let (fix_s, fix) = self.received.fix.take_if(|(fix_s, _)| *fix_s <= time_s + ROUNDING_S)?;
+        let (fix_s, fix) = self.received.take_fix(time_s)?;
         let age_s = (time_s - fix_s).max(0.0);
-        let moved_m = self.before.map_or_else(Vector3::zeros, |before| before.velocity_map * age_s);
-        (age_s <= self.oldest_fix_s).then(|| GpsFix { position_map: fix.position_map + moved_m, ..fix })
-    }
-
-    /// Where it is, and how it moved there; none where that is not known.
-    fn now(&self, result: &FrameResult) -> Option<Before> {
-        let FrameResult { time_s, estimate, .. } = result;
-        if estimate.status == Status::Lost {
-            return None;
-        }
-        let position_map = Point3::from(estimate.map_from_camera.translation.vector);
-        let velocity_map = match self.before {
-            Some(before) if *time_s > before.time_s => (position_map - before.position_map) / (time_s - before.time_s),
-            Some(before) => before.velocity_map,
-            None => Vector3::zeros(),
-        };
-        Some(Before { time_s: *time_s, position_map, velocity_map })
+        (age_s <= self.oldest_fix_s).then(|| self.passage.moved_on(GpsFix { age_s, ..fix }))
     }
 }
 

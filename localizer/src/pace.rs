@@ -24,6 +24,11 @@ pub struct Pace {
 }
 
 impl Pace {
+    /// The usual time, seconds, once there was a pair.
+    pub fn usual_s(&self) -> Option<f64> {
+        (self.count > 0).then(|| self.interval_s())
+    }
+
     /// The usual time, seconds; 0 as long as there is none.
     fn interval_s(&self) -> f64 {
         let mut pairs_s = self.pairs_s;

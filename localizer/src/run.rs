@@ -13,6 +13,7 @@ use crate::local_map::LocalMap;
 use crate::odometry::OdometryLog;
 use crate::output::Timing;
 use crate::paper_tracker::PaperTracker;
+use crate::passage::Passage;
 use crate::projection::ImageSize;
 use crate::tracker::{FrameInput, Tracker};
 use crate::{Error, Result};
@@ -78,6 +79,14 @@ impl<'a> Localizer<'a> {
         match self {
             Self::Robust(tracker) => tracker.coast(until_s, log),
             Self::Paper(_) => Ok(None),
+        }
+    }
+
+    /// Up to when a log is not asked for the motion again, seconds; none before the first frame.
+    pub(crate) fn gone_over_s(&self) -> Option<f64> {
+        match self {
+            Self::Robust(tracker) => tracker.gone_over_s(),
+            Self::Paper(_) => None,
         }
     }
 
@@ -176,6 +185,12 @@ pub fn localize(
 ) -> Result<Vec<FrameResult>> {
     let odometry =
         localizer.config().map_or_else(|| odometry.clone(), |config| odometry.without_jumps(&config.odometry));
-    let mut step = |seen: &FrameFeatures| localizer.follow(seen, fixes.get(&seen.frame), &odometry);
+    let mut passage = Passage::default();
+    let mut step = |seen: &FrameFeatures| -> Result<Option<FrameResult>> {
+        let fix = fixes.get(&seen.frame).map(|fix| passage.moved_on(*fix));
+        let result = localizer.follow(seen, fix.as_ref(), &odometry)?;
+        passage.pass(result.as_ref());
+        Ok(result)
+    };
     frames.iter().filter_map(|seen| step(seen).transpose()).collect()
 }

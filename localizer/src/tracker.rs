@@ -10,6 +10,7 @@
 mod anchor;
 mod bank;
 mod believed;
+mod between;
 mod clock;
 mod coast;
 mod constrain;
@@ -29,6 +30,7 @@ mod unseen;
 
 pub use bank::BankConfig;
 use believed::{Believed, Doubts};
+use between::Choice;
 pub use clock::ClockConfig;
 use clock::{Clock, Interval};
 use course::Course;
@@ -101,6 +103,8 @@ pub struct Tracker<'a> {
     clock: Clock,
     /// By how much the time since the last frame was doubted, s^2.
     time_variance_s2: f64,
+    /// Which images are gone through.
+    choice: Choice,
     /// What was made of the last frame.
     verdict: Option<Verdict>,
     /// What was seen and is not in the map.
@@ -138,6 +142,7 @@ impl<'a> Tracker<'a> {
             sweep: Sweep::default(),
             clock: Clock::default(),
             time_variance_s2: 0.0,
+            choice: Choice::default(),
             verdict: None,
             strangers: Strangers::default(),
             contradicting_fixes: 0,
@@ -156,17 +161,27 @@ impl<'a> Tracker<'a> {
         &self.config
     }
 
+    /// The time of the last frame that was gone through, seconds.
+    pub(crate) fn gone_over_s(&self) -> Option<f64> {
+        self.last_time_s
+    }
+
     /// The pose at the next frame; none before the first GPS fix. Times must
     /// ascend: a frame no later than the one before is taken as of its time.
     ///
     /// # Errors
     /// Where the map cannot be read; only a map in memory cannot fail.
     pub fn step(&mut self, input: &FrameInput<'_>) -> Result<Option<&PoseEstimate>> {
-        self.map.next_frame()?;
         let dt_s = self.last_time_s.map_or(0.0, |last_s| (input.time_s - last_s).max(0.0));
+        if self.choice.passes_by(input.time_s, &self.config.clock) && self.said.is_some() {
+            return Ok(self.pass_by(dt_s, input));
+        }
+        self.map.next_frame()?;
         self.last_time_s = Some(self.last_time_s.map_or(input.time_s, |last_s| last_s.max(input.time_s)));
         self.sight.look(input.features);
-        if self.sight.shows_the_same && dt_s <= 0.0 && input.gps.is_none() {
+        let gps = self.fix_for(input);
+        let gps = gps.as_ref();
+        if self.sight.shows_the_same && dt_s <= 0.0 && gps.is_none() {
             return Ok(self.said.as_ref());
         }
         let rest_s = self.drift(dt_s, input.odometry)?;
@@ -180,8 +195,8 @@ impl<'a> Tracker<'a> {
         let untold_s = std::mem::take(&mut self.untold_s);
         let untold_s = if odometry.is_some_and(|shown| shown.tells_speed()) { untold_s } else { untold_s + rest_s };
         self.go_unseen(untold_s, rest_s, odometry.as_ref());
-        self.follow_region(dt_s, odometry.as_ref(), input.gps)?;
-        self.observe(dt_s, input.gps)?;
+        self.follow_region(dt_s, odometry.as_ref(), gps)?;
+        self.observe(dt_s, gps)?;
         if self.sight.shows_nothing() {
             return Ok(self.speak(0.0));
         }
@@ -338,7 +353,10 @@ impl<'a> Tracker<'a> {
         if verdict.is_followed && !shows_the_same {
             self.unfollowed_s = 0.0;
         }
-        let is_well = verdict.well_frames > 0 && !shows_the_same && !self.unseen.is_open();
+        // What leads for a moment and is elsewhere must not make what was trusted until then pay
+        // for being there.
+        let is_proven = status == Status::Ok || !self.region.contradicts(&best.state, self.config.bank.contradiction);
+        let is_well = verdict.well_frames > 0 && is_proven && !shows_the_same && !self.unseen.is_open();
         let position_map = best.state.map_from_camera.translation.vector.into();
         if self.sweep.trusts(status, is_well, position_map, &self.config.sweep) {
             // Should it be lost from here on, it is searched around here.
@@ -347,13 +365,24 @@ impl<'a> Tracker<'a> {
                 self.region.forget_told();
             }
         }
-        let alone = std::slice::from_ref(best);
-        let said = if status == Status::Ok { alone } else { self.bank.as_slice() };
+        self.say(status, margin.min(lead))?;
+        if let Some(best) = self.bank.first_mut().filter(|_| status == Status::Ok) {
+            best.standing = Standing { was_ok: true, is_from_afar: false, ..best.standing };
+        }
+        self.said.as_ref()
+    }
+
+    /// Writes down the pose of the image, which is so far ahead of what else it may be.
+    fn say(&mut self, status: Status, margin: f64) -> Option<()> {
+        let best = self.bank.first()?;
+        let said = if status == Status::Ok { std::slice::from_ref(best) } else { self.bank.as_slice() };
         let (map_from_camera, mut covariance) = mean::mean_of(said, self.config.bank.doubt)?;
-        covariance += late;
+        // The pose is that of the image: what its time says is off by so much.
+        covariance += best.state.time_covariance(self.clock.image_variance_s2());
         if let Some(unseen) = self.unseen.covariance(&map_from_camera, &self.config.unseen) {
             covariance += unseen;
         }
+        let is_candidate = best.standing.is_from_afar && status != Status::Ok;
         if let Some(region) = self.region.searched(&self.config.gps).filter(|_| is_candidate) {
             let off = local(&map_from_camera, &region.map_from_camera);
             covariance += region.pose_covariance() + off * off.transpose();
@@ -369,13 +398,10 @@ impl<'a> Tracker<'a> {
             converged: best.converged,
             status,
             support: best.support,
-            margin: margin.min(lead),
+            margin,
             time_sigma_s: self.clock.variance_s2().sqrt(),
         });
-        if let Some(best) = self.bank.first_mut().filter(|_| status == Status::Ok) {
-            best.standing = Standing { was_ok: true, is_from_afar: false, ..best.standing };
-        }
-        self.said.as_ref()
+        Some(())
     }
 }
 

@@ -4,7 +4,7 @@ use common::geometry::Pose;
 use nalgebra::Matrix6;
 
 use super::*;
-use crate::estimate::PoseEstimate;
+use crate::estimate::{PoseEstimate, Status};
 use crate::gps::{GpsConfig, simulate};
 use crate::run::localize;
 use crate::testing::{IMAGE, Recipe, World, time_s};
@@ -94,7 +94,7 @@ fn a_fix_is_moved_on_to_the_image_and_left_out_where_it_is_old_or_later() {
         localize_ms: 0.0,
     };
     for (time_s, z_m) in [(5.0, 40.0), (5.1, 41.0)] {
-        live.before = live.now(&result(time_s, z_m, Status::Ok));
+        live.passage.pass(Some(&result(time_s, z_m, Status::Ok)));
     }
     live.received.gps(5.15, fix);
     assert!(live.fix_for(5.1).is_none());
@@ -104,7 +104,13 @@ fn a_fix_is_moved_on_to_the_image_and_left_out_where_it_is_old_or_later() {
     live.received.gps(5.3 - config.gps.oldest_s - 0.01, fix);
     assert!(live.fix_for(5.3).is_none());
     // Who is lost does not know how it moved.
-    live.before = live.now(&result(5.2, 99.0, Status::Lost));
+    live.passage.pass(Some(&result(5.2, 99.0, Status::Lost)));
     live.received.gps(5.25, fix);
     assert_eq!(z_m(live.fix_for(5.3)), Some(50.0));
+    // An image that takes 60 ms to come, amid fixes of 100 Hz.
+    for i in 0..40 {
+        live.received
+            .gps(5.4 + 0.01 * f64::from(i), GpsFix::from_pose(&Pose::translation(0.0, 0.0, f64::from(i)), &config.gps));
+    }
+    assert_eq!([5.45, 5.65, 5.73].map(|time_s| z_m(live.fix_for(time_s))), [Some(5.0), Some(25.0), Some(33.0)]);
 }

@@ -33,11 +33,16 @@ pub struct ClockConfig {
     /// An image that comes sooner than this share of the usual time after the
     /// one before is too soon: it was taken at another time than it says.
     pub soonest: f64,
+    /// Images of a camera that takes them more often than this are gone through so far apart,
+    /// seconds, and those between are answered with where the motion leads: what a network gets
+    /// wrong in one of them it gets wrong in the next, and a count of images is one of tenths
+    /// of a second. 10 Hz and less are as they come.
+    pub nearest_s: f64,
 }
 
 impl Default for ClockConfig {
     fn default() -> Self {
-        Self { frames: 20, max_sigma_s: 0.1, told_sigma_s: 0.005, soonest: 0.6 }
+        Self { frames: 20, max_sigma_s: 0.1, told_sigma_s: 0.005, soonest: 0.6, nearest_s: 0.075 }
     }
 }
 

@@ -111,7 +111,8 @@ mod tests {
     /// one heading while another is tracked.
     fn driven(steps_m: &[f64], told_rad: f64, tracked_rad: f64) -> (Course, GpsFix) {
         let heading = Some((told_rad, 0.03));
-        let mut fix = GpsFix { position_map: Point3::origin(), horizontal_sigma_m: 1.5, heading, is_course: true };
+        let mut fix =
+            GpsFix { position_map: Point3::origin(), horizontal_sigma_m: 1.5, heading, is_course: true, age_s: 0.0 };
         let mut course = Course::default();
         course.take(&fix, Some(tracked_rad), 3.0, &GpsConfig::default());
         for step_m in steps_m {

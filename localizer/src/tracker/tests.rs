@@ -11,6 +11,7 @@ mod astray;
 mod bank;
 mod elsewhere;
 mod far;
+mod fast;
 mod gaps;
 mod outside;
 mod trust;

@@ -155,7 +155,7 @@ mod tests {
         let mut unseen = Unseen::default();
         unseen.drive(30.0, None, 12.0, &UnseenConfig::default());
         let position_map = Point3::new(30.0, 0.0, 40.0);
-        let fix = GpsFix { position_map, horizontal_sigma_m: 1.5, heading: None, is_course: false };
+        let fix = GpsFix { position_map, horizontal_sigma_m: 1.5, heading: None, is_course: false, age_s: 0.0 };
         assert!(unseen.hear(&fix, 6.0) && !unseen.hear(&fix, 6.0) && !Unseen::default().hear(&fix, 6.0));
         // What is said 50 m from it is off by about as much.
         let right_m = sigmas(&unseen)[0];

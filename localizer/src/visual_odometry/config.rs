@@ -115,6 +115,10 @@ pub struct RoadConfig {
     /// From how far ahead of the camera, metres, and how far: what is nearer is
     /// below the image, and farther off an image row is longer than 0.3 m.
     pub ahead_m: [f64; 2],
+    /// How far ahead it is looked at where images come so seldom that it may have gone more
+    /// than half of that meanwhile, metres: farther off paint is a pixel high. What may be more
+    /// is not told.
+    pub farthest_m: f64,
     /// To each side of the way that the vehicle goes on, metres: there is road.
     pub half_width_m: f64,
     /// Side of a pixel of the view, metres.
@@ -240,10 +244,26 @@ impl Default for LabelConfig {
     }
 }
 
+impl RoadConfig {
+    /// The longest shift that it can be asked for, metres: half of the road has to be in both.
+    pub fn longest_shift_m(&self) -> f64 {
+        0.5 * (self.ahead_m[1] - self.ahead_m[0])
+    }
+
+    /// The same with as much of the road as shifts of so many metres ask for; none where that
+    /// is more than can be seen.
+    pub fn for_shifts_of(&self, most_m: f64) -> Option<Self> {
+        let [near_m, far_m] = self.ahead_m;
+        let needed_m = near_m + 2.0 * most_m;
+        (needed_m <= self.farthest_m.max(far_m)).then(|| Self { ahead_m: [near_m, far_m.max(needed_m)], ..*self })
+    }
+}
+
 impl Default for RoadConfig {
     fn default() -> Self {
         Self {
             ahead_m: [5.0, 15.0],
+            farthest_m: 25.0,
             half_width_m: 2.5,
             pixel_m: 0.04,
             around_m: 0.5,

@@ -263,12 +263,24 @@ impl VisualOdometer {
         most_m_s.clamp(0.0, road.fastest_back_m_s) * dt_s
     }
 
-    /// How far it went since `before`.
+    /// How far it can have gone in this time, metres.
+    fn most_m(&self, dt_s: f64) -> f64 {
+        let road = &self.config.road;
+        let most_m_s = self.speed_m_s.map_or(f64::INFINITY, |speed_m_s| speed_m_s + road.hardest_m_s2 * self.unseen_s);
+        // At the usual rates all speeds are looked for, whatever the last one was.
+        if road.fastest_m_s * dt_s <= road.longest_shift_m() {
+            return road.fastest_m_s * dt_s;
+        }
+        most_m_s.min(road.fastest_m_s) * dt_s
+    }
+
+    /// How far it went since `before`; none where that may be more than the road that is in
+    /// both images: the best of what is left would be a wrong way.
     fn drive(&self, before: &GrayImage, parameters: &Parameters, dt_s: f64) -> Option<Shift> {
         let (image, _) = self.before.as_ref().filter(|_| self.sees_road)?;
-        let config = &self.config.road;
+        let ways_m = [-self.most_back_m(dt_s), self.most_m(dt_s)];
+        let config = &self.config.road.for_shifts_of(ways_m[1])?;
         let after_from_before = Motion::new(parameters).after_from_before;
-        let ways_m = [-self.most_back_m(dt_s), config.fastest_m_s * dt_s];
         let shift = |speed_m_s: f64| {
             let bend_per_m = parameters[YAW] / least_way_m(speed_m_s * dt_s);
             let road = Road {

@@ -31,6 +31,15 @@ fn grey(x: f64, y: f64) -> f64 {
     128.0 + 60.0 * [0.15, 0.4, 1.1, 3.0].map(grain).iter().sum::<f64>()
 }
 
+#[test]
+fn what_may_be_farther_than_the_road_in_both_images_is_not_told() {
+    let road = RoadConfig::default();
+    let far_m = |most_m: f64| road.for_shifts_of(most_m).map(|road| road.ahead_m[1]);
+    // At 10 Hz; at 5 Hz; at 2 Hz and 20 m/s.
+    assert_eq!([4.5, 9.0, 13.0].map(far_m), [Some(15.0), Some(23.0), None]);
+    assert!((road.for_shifts_of(9.0).unwrap().longest_shift_m() - 9.0).abs() < 1e-9);
+}
+
 /// What the camera sees `ahead_m` along a road, turned by `yaw_rad` to the right
 /// and pitched down by `pitch_rad`, between walls 8 m to each side.
 fn image(ahead_m: f64, yaw_rad: f64, pitch_rad: f64) -> Plane {

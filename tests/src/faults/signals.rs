@@ -142,6 +142,7 @@ pub(super) fn kidnap(trial: &mut Trial, frames: &[usize], off_m: f64, turn_rad: 
             horizontal_sigma_m: 0.5 * off_m,
             heading: Some((PoseParameters::from_pose(pose).yaw_rad + turn_rad, 0.5 * turn_rad.abs())),
             is_course: false,
+            age_s: 0.0,
         };
         trial.fixes.insert(frame, fix);
     }

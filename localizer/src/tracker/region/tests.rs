@@ -9,7 +9,8 @@ const CONTRADICTION: f64 = 8.0;
 /// A fix so far to the right of where the region begins, and what it says.
 fn fix(right_m: f64) -> (GpsFix, Rough) {
     let position_map = Point3::new(right_m, 0.0, 0.0);
-    let fix = GpsFix { position_map, horizontal_sigma_m: 1.5, heading: Some((0.0, 0.03)), is_course: false };
+    let fix =
+        GpsFix { position_map, horizontal_sigma_m: 1.5, heading: Some((0.0, 0.03)), is_course: false, age_s: 0.0 };
     let map_from_camera = retract(&Pose::identity(), &(Tangent::x() * right_m));
     (fix, Rough { map_from_camera, sigmas: Vector6::new(1.5, 0.2, 1.5, 0.03, 0.03, 0.03) })
 }
@@ -35,6 +36,17 @@ fn what_a_fix_says_of_the_side_is_not_said_again_by_its_heading() {
     take_in(&mut place, &rough);
     let off = local(&known.map_from_camera, &place.map_from_camera);
     assert!((off[0] - 3.0).abs() < 0.4 && (off[4] - 0.15).abs() < 0.03, "{off}");
+}
+
+#[test]
+fn a_pose_elsewhere_contradicts_what_is_trusted() {
+    let (_, known) = fix(0.0);
+    let place = unknown_speed(&known, &Config::default());
+    let mut region = Region::default();
+    assert!(!region.contradicts(&place, CONTRADICTION));
+    region.trust(&place, CONTRADICTION);
+    let beside = |right_m: f64| unknown_speed(&fix(right_m).1, &Config::default());
+    assert!(!region.contradicts(&beside(1.0), CONTRADICTION) && region.contradicts(&beside(30.0), CONTRADICTION));
 }
 
 #[test]

@@ -20,13 +20,19 @@ impl View {
     /// How an image of `image` pixels lies in an input of `size` pixels.
     pub(super) fn new(spec: &NetworkSpec, image: (usize, usize), size: (usize, usize)) -> Self {
         let scale = (size.0 as f64 / image.0 as f64, size.1 as f64 / image.1 as f64);
+        let (least, most) = (scale.0.min(scale.1), scale.0.max(scale.1));
+        let is_near = most <= NEAR * least;
         let scale = match spec.fit {
             Fit::Stretch => scale,
-            Fit::Pad => (scale.0.min(scale.1), scale.0.min(scale.1)),
+            Fit::Near if is_near => scale,
+            Fit::Near | Fit::Pad => (least, least),
         };
         Self { size, scale, shift: spec.shift_px }
     }
 }
+
+/// Largest ratio of the scales of both axes at which an image is stretched ([`Fit::Near`]).
+const NEAR: f64 = 1.25;
 
 /// Two neighbours and the share of the second.
 #[derive(Debug, Clone, Copy)]
@@ -129,6 +135,17 @@ mod tests {
     fn spec(fit: Fit) -> NetworkSpec {
         // Network values are probabilities x 255 in this test.
         NetworkSpec { fit, scale: 1.0 / 255.0, ..NetworkSpec::default() }
+    }
+
+    #[test]
+    fn an_image_of_another_shape_is_padded() {
+        let scale = |fit: Fit, image| View::new(&spec(fit), image, (1248, 384)).scale;
+        for kitti in [(1242, 375), (1226, 370), (1392, 512)] {
+            assert_eq!(scale(Fit::Near, kitti), scale(Fit::Stretch, kitti));
+        }
+        for other in [(1920, 1080), (640, 480), (2000, 400)] {
+            assert_eq!(scale(Fit::Near, other), scale(Fit::Pad, other));
+        }
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::{Error, Result, atomic_file, text};
 
 /// How the names of images may end, the first where there are several of a frame: KITTI's are
 /// PNG, those of many other cameras JPEG.
-pub const IMAGE_EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
+const IMAGE_EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 
 /// A sequence of KITTI odometry on disk.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -72,8 +72,8 @@ impl Sequence {
         self.folder().join("velodyne").join(format!("{frame:06}.bin"))
     }
 
-    /// The image of a frame from camera 0 to 3: the first of [`IMAGE_EXTENSIONS`] of which there
-    /// is a file, a PNG where there is none.
+    /// The image of a frame from camera 0 to 3: the first of `.png`, `.jpg` and `.jpeg` of which
+    /// there is a file, a PNG where there is none.
     pub fn image_path(&self, camera: usize, frame: usize) -> PathBuf {
         let folder = self.folder().join(format!("image_{camera}"));
         let mut paths = IMAGE_EXTENSIONS.iter().map(|extension| folder.join(format!("{frame:06}.{extension}")));

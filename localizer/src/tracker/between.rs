@@ -34,7 +34,8 @@ impl Choice {
             self.pace.tick(time_s - last_s);
         }
         let is_fast = self.pace.usual_s().is_some_and(|usual_s| usual_s < config.nearest_s);
-        let is_soon = self.gone_through_s.is_some_and(|last_s| time_s - last_s < config.nearest_s);
+        // A clock that is set back must not make all that follow too soon.
+        let is_soon = self.gone_through_s.is_some_and(|last_s| (0.0..config.nearest_s).contains(&(time_s - last_s)));
         if !(is_fast && is_soon) {
             self.gone_through_s = Some(time_s);
             self.said = None;
@@ -95,6 +96,9 @@ mod tests {
             let count = gone_through(|i| i as f64 / rate_hz);
             assert!(count.abs_diff(100 / every) <= 3, "{rate_hz} Hz: {count}");
         }
+        // One whose clock is set back by an hour.
+        let count = gone_through(|i| i as f64 / 30.0 - if i < 50 { 0.0 } else { 3600.0 });
+        assert!(count.abs_diff(33) <= 4, "{count}");
         // One of 10 Hz, of which the times are off by 30 ms in turn, and one of 2 Hz.
         let off = |i: usize| if i.is_multiple_of(2) { 0.03 } else { -0.03 };
         assert_eq!(gone_through(|i| i as f64 * 0.1 + off(i)), 100);

@@ -353,10 +353,7 @@ impl<'a> Tracker<'a> {
         if verdict.is_followed && !shows_the_same {
             self.unfollowed_s = 0.0;
         }
-        // What leads for a moment and is elsewhere must not make what was trusted until then pay
-        // for being there.
-        let is_proven = status == Status::Ok || !self.region.contradicts(&best.state, self.config.bank.contradiction);
-        let is_well = verdict.well_frames > 0 && is_proven && !shows_the_same && !self.unseen.is_open();
+        let is_well = verdict.well_frames > 0 && !shows_the_same && !self.unseen.is_open();
         let position_map = best.state.map_from_camera.translation.vector.into();
         if self.sweep.trusts(status, is_well, position_map, &self.config.sweep) {
             // Should it be lost from here on, it is searched around here.

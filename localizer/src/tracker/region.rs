@@ -60,12 +60,6 @@ impl Region {
         }
     }
 
-    /// Whether a state is elsewhere than what is trusted, by more than `contradiction` nats.
-    pub fn contradicts(&self, state: &State, contradiction: f64) -> bool {
-        let is_elsewhere = |place: &State| half_distance2(place, state, self.time_variance_s2) > contradiction;
-        self.trusted.as_ref().is_some_and(is_elsewhere)
-    }
-
     /// Lets go of what fixes said that contradict what is trusted.
     pub fn forget_told(&mut self) {
         (self.told, self.refused_fixes, self.agreeing_fixes) = (None, 0, 0);

@@ -39,17 +39,6 @@ fn what_a_fix_says_of_the_side_is_not_said_again_by_its_heading() {
 }
 
 #[test]
-fn a_pose_elsewhere_contradicts_what_is_trusted() {
-    let (_, known) = fix(0.0);
-    let place = unknown_speed(&known, &Config::default());
-    let mut region = Region::default();
-    assert!(!region.contradicts(&place, CONTRADICTION));
-    region.trust(&place, CONTRADICTION);
-    let beside = |right_m: f64| unknown_speed(&fix(right_m).1, &Config::default());
-    assert!(!region.contradicts(&beside(1.0), CONTRADICTION) && region.contradicts(&beside(30.0), CONTRADICTION));
-}
-
-#[test]
 fn what_was_lost_for_long_is_still_as_high_and_as_level_as_the_road() {
     let world = World::new(Recipe::default());
     let (map, roads) = world.local_map();

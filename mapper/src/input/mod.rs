@@ -27,7 +27,7 @@ mod survey;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use common::kitti::{RawDrive, Scan, Sequence, read_scan};
+use common::kitti::{RawDrive, Scan, Sequence};
 
 pub(crate) use self::beams::Steps;
 pub use self::config::InputConfig;
@@ -93,7 +93,7 @@ impl Source {
     /// to 1.
     pub fn read(&self, frame: usize, max_range_m: f32) -> Result<Scan> {
         match self {
-            Self::Odometry(_) | Self::Raw(_) => Ok(read_scan(self.scan_path(frame), max_range_m)?),
+            Self::Odometry(_) | Self::Raw(_) => formats::kitti_scan(&self.scan_path(frame), max_range_m),
             Self::Scans(folder) => folder.read(frame, max_range_m),
             Self::Stitched(slices) => slices.read(frame, max_range_m),
         }

@@ -28,6 +28,18 @@ fn a_missing_sequence() {
 }
 
 #[test]
+fn a_scan_of_other_columns() {
+    for (columns, said) in [(5, "five columns"), (6, "no reflectance")] {
+        let root = plain();
+        let path = root.path().join("sequences/04/velodyne/000000.bin");
+        let point = |i: usize| [(i % 60) as f32 - 30.0, (i / 60) as f32 - 30.0, -1.73, 0.3, 7.0, 0.1];
+        let bytes = (0..3600).flat_map(|i| point(i).into_iter().take(columns).flat_map(f32::to_le_bytes));
+        std::fs::write(&path, bytes.collect::<Vec<u8>>()).unwrap();
+        build_of(root.path(), &[]).refused(&["000000.bin", said]);
+    }
+}
+
+#[test]
 fn a_truncated_scan() {
     let root = plain();
     let scan = root.path().join("sequences/04/velodyne/000001.bin");

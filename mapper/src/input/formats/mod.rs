@@ -86,6 +86,17 @@ impl ScanFormat {
     }
 }
 
+/// Reads a scan of a drive in KITTI's layout.
+///
+/// # Errors
+/// As [`bin::read`], and [`Error::BadScan`] where its points have five columns.
+pub fn kitti_scan(path: &Path, max_range_m: f32) -> Result<Scan> {
+    match bin::read(path, max_range_m)? {
+        Bin::Kitti(scan) => Ok(scan),
+        Bin::More(_) => Err(bad(path, "its points have five columns, and KITTI's four; give the folder as --scans")),
+    }
+}
+
 /// Drops what is not finite or out of range, and orders the rest.
 fn usable(all: &Points, max_range_m: f32, steps: Steps) -> Scan {
     let points = Vec::with_capacity(all.points.len());

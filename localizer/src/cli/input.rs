@@ -199,10 +199,23 @@ impl Opened {
         }
         let Watched { frames, motion, unread } = watched;
         for (frame, why) in &unread {
-            common::output::print_note(format_args!("frame {frame} is passed over: {why}"));
+            tell_passed_over(*frame, why);
         }
         Ok(Input { map, drive, frames, motion, unread: unread.len() })
     }
+}
+
+/// Says that a frame is passed over, and why.
+pub fn tell_passed_over(frame: usize, why: impl std::fmt::Display) {
+    common::output::print_note(format_args!("frame {frame} is passed over: {why}"));
+}
+
+/// How a command ends that passed over so many frames.
+///
+/// # Errors
+/// [`Error::FramesPassedOver`] where there are any.
+pub fn all_but(unread: usize) -> Result<bool> {
+    if unread > 0 { Err(Error::FramesPassedOver { frames: unread }) } else { Ok(true) }
 }
 
 /// Simulated fixes on the first of `frames`.

@@ -6,7 +6,7 @@ use clap::Args;
 use nalgebra::Point2;
 
 use super::ConfigArgs;
-use super::input::{Input, InputArgs, read_fixes, simulated};
+use super::input::{Input, InputArgs, all_but, read_fixes, simulated};
 use crate::drive::{CAMERA, Drive};
 use crate::estimate::Status;
 use crate::overlay::{self, ProjectedShape};
@@ -155,10 +155,7 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
             usage.most_held
         );
     }
-    match input.unread {
-        0 => Ok(true),
-        frames => Err(Error::FramesPassedOver { frames }),
-    }
+    all_but(input.unread)
 }
 
 /// The median of how far off the times of the images were, seconds.

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::input::progress;
+use super::input::{all_but, progress, tell_passed_over};
+use crate::Result;
 use crate::camera::Source;
 use crate::drive::Drive;
 use crate::vision::VisionConfig;
 use crate::vision::network::Runtime;
-use crate::{Error, Result};
 
 /// Arguments of `localizer segment`.
 #[derive(Debug, Args)]
@@ -53,7 +53,7 @@ pub fn execute(args: &SegmentArgs) -> Result<bool> {
         bar.inc(1);
         match seen {
             Err(error) if error.is_of_an_image() => {
-                bar.suspend(|| common::output::print_note(format_args!("frame {frame} is passed over: {error}")));
+                bar.suspend(|| tell_passed_over(frame, error));
                 unread += 1;
             }
             seen => drive.camera.write_labels(&args.out, frame, &seen?)?,
@@ -62,8 +62,5 @@ pub fn execute(args: &SegmentArgs) -> Result<bool> {
     })?;
     bar.finish_and_clear();
     common::say!("{} frames written to {}", drive.frames.len() - unread, args.out.display());
-    match unread {
-        0 => Ok(true),
-        frames => Err(Error::FramesPassedOver { frames }),
-    }
+    all_but(unread)
 }

@@ -3,6 +3,7 @@ use common::map::SemanticMap;
 use nalgebra::Point2;
 
 use super::*;
+use crate::estimate::Status;
 use crate::features::LineFeature;
 use crate::gps::{GpsConfig, simulate};
 use crate::testing::{IMAGE, Recipe, World, time_s};

@@ -11,12 +11,14 @@ pub enum Error {
     #[error(transparent)]
     Common(#[from] common::Error),
     /// An image that cannot be decoded.
-    #[error("{}: {}; give an intact PNG or JPEG image", path.display(), source.to_string().trim_end_matches('.'))]
+    #[error("{}: {}; give an intact {expected} image", path.display(), source.to_string().trim_end_matches('.'))]
     Decode {
         /// The image.
         path: PathBuf,
         /// What the decoder says.
         source: Box<dyn std::error::Error + Send + Sync>,
+        /// The formats that are read there.
+        expected: &'static str,
     },
     /// A PNG that cannot be written.
     #[error("{} cannot be written as PNG: {source}; check the disk and the folder", path.display())]

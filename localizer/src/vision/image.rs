@@ -152,7 +152,7 @@ pub fn read_image(path: impl AsRef<Path>) -> Result<RgbImage, Error> {
     if is_jpeg(&mut file, path)? {
         return read_jpeg(file, path);
     }
-    let (width, colour, data) = decode(file, path)?;
+    let (width, colour, data) = decode(file).map_err(|source| undecoded(path, source))?;
     let samples = colour.samples();
     let data = match colour {
         png::ColorType::Rgb => data,
@@ -194,7 +194,12 @@ fn read_all(mut file: BufReader<File>, path: &Path) -> Result<Vec<u8>, Error> {
 }
 
 fn undecoded(path: &Path, source: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Error {
-    Error::Decode { path: path.into(), source: source.into() }
+    Error::Decode { path: path.into(), source: source.into(), expected: "PNG or JPEG" }
+}
+
+/// The same of an image that must have lost nothing.
+fn undecoded_png(path: &Path, source: png::DecodingError) -> Error {
+    Error::Decode { path: path.into(), source: source.into(), expected: "PNG" }
 }
 
 /// Writes an 8-bit RGB PNG, whole or not at all.
@@ -212,7 +217,7 @@ pub fn write_png(path: impl AsRef<Path>, image: &RgbImage) -> Result<(), Error> 
 /// a colour picture of probabilities has no agreed meaning.
 pub fn read_grey_png(path: impl AsRef<Path>) -> Result<Plane, Error> {
     let path = path.as_ref();
-    let (width, colour, data) = decode(open(path)?, path)?;
+    let (width, colour, data) = decode(open(path)?).map_err(|source| undecoded_png(path, source))?;
     let refused = || pixel_kind(path, colour, "8-bit grey");
     if colour != png::ColorType::Grayscale {
         return Err(refused());
@@ -232,15 +237,14 @@ fn pixel_kind(path: &Path, colour: png::ColorType, expected: &'static str) -> Er
     Error::PixelKind { path: path.into(), found: format!("{colour:?}"), expected }
 }
 
-fn decode(file: BufReader<File>, path: &Path) -> Result<(usize, png::ColorType, Vec<u8>), Error> {
-    let failed = |source| undecoded(path, source);
+fn decode(file: BufReader<File>) -> Result<(usize, png::ColorType, Vec<u8>), png::DecodingError> {
     let mut decoder = png::Decoder::new(file);
     // To 8 bits per channel, palettes resolved.
     decoder.set_transformations(png::Transformations::normalize_to_color8());
-    let mut reader = decoder.read_info().map_err(failed)?;
-    let bytes = reader.output_buffer_size().ok_or_else(|| failed(png::DecodingError::LimitsExceeded))?;
+    let mut reader = decoder.read_info()?;
+    let bytes = reader.output_buffer_size().ok_or(png::DecodingError::LimitsExceeded)?;
     let mut data = vec![0; bytes];
-    let frame = reader.next_frame(&mut data).map_err(failed)?;
+    let frame = reader.next_frame(&mut data)?;
     data.truncate(frame.buffer_size());
     Ok((frame.width as usize, frame.color_type, data))
 }
@@ -331,6 +335,10 @@ mod tests {
             let error = read_image(&path).unwrap_err().to_string();
             assert!(error.contains("000000.png") && error.contains("intact PNG or JPEG"), "{error}");
         }
+        // Probabilities lose nothing on the way.
+        std::fs::write(&path, &whole).unwrap();
+        let error = read_grey_png(&path).unwrap_err().to_string();
+        assert!(error.contains("000000.png") && error.contains("give an intact PNG image"), "{error}");
         let error = image_size(folder.path().join("absent.jpg").as_path()).unwrap_err().to_string();
         assert!(error.contains("absent.jpg"), "{error}");
     }

@@ -1,6 +1,6 @@
 //! What the localizer is given to look at, and it cannot be: images, networks, odometry.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use common::map::{EncodeOptions, SemanticMap};
 
@@ -99,8 +99,7 @@ fn a_damaged_image_costs_no_other_its_labels() {
         write_png(&images.join(format!("{frame:06}.png")), (1226, 370), png::ColorType::Rgb);
     }
     std::fs::write(images.join("000001.png"), "no image").unwrap();
-    let network = root.path().join("tiny.onnx");
-    std::fs::write(&network, sigmoid_network([1, 3, 4, 8])).unwrap();
+    let network = tiny_network(root.path());
     let description = "mean = [0, 0, 0]\nstd = [1, 1, 1]\n[classes]\npole = [0]\n";
     std::fs::write(network.with_extension("toml"), description).unwrap();
     let out = root.path().join("labels");
@@ -118,8 +117,7 @@ fn a_damaged_image_costs_no_other_its_labels() {
 #[test]
 fn a_runtime_that_is_not_there() {
     let root = plain();
-    let network = root.path().join("tiny.onnx");
-    std::fs::write(&network, sigmoid_network([1, 3, 4, 8])).unwrap();
+    let network = tiny_network(root.path());
     let library = root.path().join("libnone.so");
     std::fs::write(&library, "no library").unwrap();
     let words = ["segment", "--runtime", "ort", "--kitti", text(root.path()), "--pole-net", text(&network)];
@@ -132,8 +130,7 @@ fn a_runtime_that_is_not_there() {
 fn images_that_are_not_the_calibrated_ones() {
     let root = plain();
     write_png(&root.path().join("sequences/04/image_2/000000.png"), (613, 185), png::ColorType::Rgb);
-    let network = root.path().join("tiny.onnx");
-    std::fs::write(&network, sigmoid_network([1, 3, 4, 8])).unwrap();
+    let network = tiny_network(root.path());
     std::fs::write(network.with_extension("toml"), "[classes]\npole = [0]\n").unwrap();
     let ran = localize(root.path(), &["--pole-net", text(&network)]);
     ran.refused(&["000000.png has 613x185 px", "neither scaled nor cropped"]);
@@ -143,8 +140,7 @@ fn images_that_are_not_the_calibrated_ones() {
 fn a_network_with_other_shapes() {
     let root = plain();
     write_png(&root.path().join("sequences/04/image_2/000000.png"), (1226, 370), png::ColorType::Rgb);
-    let network = root.path().join("tiny.onnx");
-    std::fs::write(&network, sigmoid_network([1, 3, 4, 8])).unwrap();
+    let network = tiny_network(root.path());
     let words = ["--pole-net", text(&network)];
     localize(root.path(), &words).refused(&["tiny.onnx is no known network", "scores 1x3x4x8", "tiny.toml"]);
     for (description, said) in [
@@ -158,6 +154,13 @@ fn a_network_with_other_shapes() {
     }
     std::fs::write(network.with_extension("toml"), "width = 1248\n[classes]\npole = [0]\n").unwrap();
     localize(root.path(), &words).refused(&["tiny.onnx", "width is 8 and the description says 1248", "tiny.toml"]);
+}
+
+/// A network of 8 by 4 pixels in a folder, of which nobody knows what it says.
+fn tiny_network(folder: &Path) -> PathBuf {
+    let network = folder.join("tiny.onnx");
+    std::fs::write(&network, sigmoid_network([1, 3, 4, 8])).unwrap();
+    network
 }
 
 /// An ONNX network of one `Sigmoid`, byte by byte: protocol buffers whose

@@ -141,7 +141,6 @@ pub const LIMITS: &[Limits] = &[
     limits("poles.*_share", 0.0, 1.0),
     limits("poles.least_free_share*", 0.0, 1.0),
     limits("poles.largest_attached_share*", 0.0, 1.0),
-    limits("poles.largest_looked_through", 0.0, 1.0),
     limits("poles.*reflectance", 0.0, 1.0),
     limits("poles.least_visibility*", 0.0, 100.0),
     limits("poles.fewest_points", 4.0, 1e6),

@@ -3,7 +3,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use nalgebra::{Point2, Point3};
+use nalgebra::{Point2, Point3, Vector2};
 use serde::{Deserialize, Serialize};
 
 use crate::grid::{Grid, whole};
@@ -52,6 +52,9 @@ const LOWEST_M: f64 = -6.0;
 const HIGHEST_M: f64 = 3.0;
 const BIN_M: f64 = 0.05;
 const BINS: usize = ((HIGHEST_M - LOWEST_M) / BIN_M) as usize;
+
+/// The slope of the road is told from the ground so far to all sides, metres: a lane.
+const SLOPE_BASE_M: f64 = 3.0;
 
 /// A height map of the ground. Heights are along -y of the map.
 #[derive(Debug, Clone)]
@@ -213,6 +216,22 @@ impl Ground {
         self.under_path
     }
 
+    /// How far the road along a path leans from the level of the map on the whole, radians:
+    /// the slope of the mean plane of the places where ground was seen on all sides.
+    pub fn tilt_rad(&self, path: &Path) -> f64 {
+        let slope_at = |p: &Point2<f64>| {
+            let across = [Vector2::x(), Vector2::y()].map(|side| {
+                let [before, behind] = [p - side * SLOPE_BASE_M, p + side * SLOPE_BASE_M];
+                let rise_m = self.height_m(&behind)? - self.height_m(&before)?;
+                (self.is_seen(&before) && self.is_seen(&behind)).then_some(rise_m / (2.0 * SLOPE_BASE_M))
+            });
+            Some(Vector2::new(across[0]?, across[1]?))
+        };
+        let vertices = path.vertices().iter().filter_map(|v| slope_at(&Point2::new(v.x, v.z)));
+        let (sum, count) = vertices.fold((Vector2::zeros(), 0.0), |(sum, count), slope| (sum + slope, count + 1.0));
+        if count > 0.0 { (sum / count).norm().atan() } else { 0.0 }
+    }
+
     /// The grid of the height map.
     pub fn grid(&self) -> &Grid {
         &self.grid
@@ -338,6 +357,13 @@ mod tests {
         let cell = heights.grid.index(&Point2::new(0.5, 4.5)).unwrap();
         let lowest_m = heights.lowest(cell, 4).unwrap();
         assert!((lowest_m + 1.65).abs() < 0.02, "{lowest_m}");
+    }
+
+    #[test]
+    fn a_road_leans_as_it_climbs() {
+        let centres: Vec<_> = (0..60).map(|i| Point3::new(0.0, -0.08 * f64::from(i), f64::from(i))).collect();
+        let path = Path::new(&centres, 10.0);
+        assert!((ground().tilt_rad(&path) - 0.08_f64.atan()).abs() < 0.01, "{}", ground().tilt_rad(&path));
     }
 
     #[test]

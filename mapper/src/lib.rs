@@ -28,6 +28,7 @@ pub mod input;
 pub mod inspect;
 pub mod lanes;
 pub mod lidar;
+mod looks;
 pub mod merge;
 mod outputs;
 pub mod passes;

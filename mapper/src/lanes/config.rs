@@ -58,6 +58,9 @@ pub struct LaneConfig {
     /// Points of paint on a line in a window, at most, that one bin counts for:
     /// near the path a blot has hundreds.
     pub most_bin_points: u16,
+    /// The same as a multiple of what a bin of a line's width has on average in the
+    /// window, where that is more: where scans lie close grains fill the bins.
+    pub most_bin_ratio: f64,
     /// Fewest points of paint, on average, in a painted bin.
     pub fewest_bin_points: f64,
     /// Least significance of a line in a window: points of paint more than
@@ -85,6 +88,9 @@ pub struct LaneConfig {
     /// Shortest line kept, metres: arrows are shorter, and so are the fords
     /// across side streets.
     pub shortest_m: f64,
+    /// Share of paint among the road points right beside a line from which on it is
+    /// a stripe: of bare asphalt a fiftieth shines, of worn paint a fifth.
+    pub least_striped_share: f64,
     /// Share of the bins of a line with paint right beside it from which on
     /// dashes, or a line with paint on both sides, are part of a crossing or of
     /// an area.
@@ -213,6 +219,7 @@ impl Default for LaneConfig {
             least_bare_share: 0.02,
             least_share_ratio: 4.0,
             most_bin_points: 6,
+            most_bin_ratio: 6.0,
             fewest_bin_points: 2.0,
             least_significance: 4.0,
             evidence_share: 0.5,
@@ -223,6 +230,7 @@ impl Default for LaneConfig {
             fewest_blot_points: 3.0,
             shortest_gap_m: 0.75,
             shortest_m: 12.0,
+            least_striped_share: 0.1,
             largest_striped_share: 0.5,
             ragged_share: 0.15,
             ragged_walled_share: 0.1,

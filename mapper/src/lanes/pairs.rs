@@ -21,8 +21,9 @@ fn are_beside(ends: [Option<(u16, u16)>; 2]) -> bool {
 /// where it is the only one there. One line that fits both halves is on
 /// neither, and leads a chain over from one to the other.
 ///
-/// Points are those on the line and beside it, in the order of their stations.
-pub fn pair(points: &[PathPoint], line: &WindowLine, config: &LaneConfig) -> Option<[WindowLine; 2]> {
+/// Points are those on the line and beside it, in the order of their stations; of a
+/// bin at most so many count.
+pub fn pair(points: &[PathPoint], line: &WindowLine, most: u16, config: &LaneConfig) -> Option<[WindowLine; 2]> {
     let reach_m = config.apart_m + config.beside_line_m;
     let near: Vec<PathPoint> =
         points.iter().filter(|p| (p.offset_m - line.offset_m(p.station_m)).abs() <= reach_m).copied().collect();
@@ -37,13 +38,13 @@ pub fn pair(points: &[PathPoint], line: &WindowLine, config: &LaneConfig) -> Opt
     let mut best: Option<(u16, [WindowLine; 2])> = None;
     for slope in (-steps..=steps).map(|k| line.slope + f64::from(k) * step) {
         let turned = WindowLine { slope, ..*line };
-        let Some((votes, middles_m)) = side_by_side(&bins, &turned, reach_m, config) else { continue };
-        if best.is_none_or(|(most, _)| votes > most) {
+        let Some((votes, middles_m)) = side_by_side(&bins, &turned, reach_m, most, config) else { continue };
+        if best.is_none_or(|(best, _)| votes > best) {
             best = Some((votes, middles_m.map(|off_m| WindowLine { middle_m: line.middle_m + off_m, ..turned })));
         }
     }
     // Turned far enough, two strips take apart what one line explains as well.
-    let [single, ..] = votes_on(&near, line, config);
+    let [single, ..] = votes_on(&near, line, most, config);
     let is_more = |both: u16| f64::from(both) >= (1.0 + config.least_pair_share) * f64::from(single.all);
     best.filter(|(both, _)| is_more(*both)).map(|(_, lines)| {
         // As wide as may be, but each to its own side.
@@ -58,13 +59,14 @@ fn side_by_side(
     bins: &[(u16, &[PathPoint])],
     line: &WindowLine,
     reach_m: f64,
+    most: u16,
     config: &LaneConfig,
 ) -> Option<(u16, [f64; 2])> {
     // Strips are as wide as the core of a line.
     let half = (config.half_core_m / CELL_M) as usize;
     let beside = (config.beside_line_m / CELL_M).round() as usize;
     let cell_of = |off_m: f64| whole((off_m + reach_m) / CELL_M) + half;
-    let mut poll = Poll::new(cell_of(reach_m) + half + 1, half, config.most_bin_points);
+    let mut poll = Poll::new(cell_of(reach_m) + half + 1, half, most);
     // First and last bin with paint of each strip.
     let mut ends: Vec<Option<(u16, u16)>> = vec![None; poll.votes().len()];
     let mut cells: Vec<usize> = Vec::new();
@@ -99,7 +101,7 @@ fn side_by_side(
             let beyond = |k: Option<usize>| k.and_then(|k| votes.get(k)).copied().unwrap_or(0);
             let are_lines = is_line(votes[a], beyond(a.checked_sub(beside)), config)
                 && is_line(votes[b], beyond(Some(b + beside)), config);
-            if is_gap && are_lines && best.is_none_or(|(most, _)| both > most) {
+            if is_gap && are_lines && best.is_none_or(|(best, _)| both > best) {
                 let off_m = |cell: usize| (cell as f64 - half as f64 + 0.5) * CELL_M - reach_m;
                 best = Some((both, [off_m(a), off_m(b)]));
             }

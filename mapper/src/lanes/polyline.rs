@@ -10,7 +10,7 @@ use super::fords::barred_share;
 use super::kinds::{Stretch, stretches};
 use super::marks::marks;
 use super::piece::without_doubles;
-use super::profile::{Bin, local_line, profile, runs, step_m};
+use super::profile::{Bin, Share, local_line, profile, runs, step_m};
 use super::symbols::without_symbols;
 use super::windows::find_lines;
 use super::{Chain, LaneConfig, LanePiece, Paint, fitted, simplify};
@@ -77,7 +77,7 @@ fn piece(
         return None;
     }
     let contrast = mean(&|b| b.contrast);
-    let striped = [striped_share(&painted, 0), striped_share(&painted, 1)];
+    let striped = [0, 1].map(|side| striped_share(&painted, side, config));
     let (most, least) = (striped[0].max(striped[1]), striped[0].min(striped[1]));
     if (if kind == LaneKind::Dashed { most } else { least }) > config.largest_striped_share {
         return None;
@@ -113,9 +113,10 @@ fn piece(
 
 /// Share of the painted bins with paint right beside the line, on its left (0)
 /// or right (1) side.
-fn striped_share(painted: &[&Bin], side: usize) -> f64 {
-    // A stray is no stripe.
-    let striped = painted.iter().filter(|b| b.beside[side].bright >= 2.0).count();
+fn striped_share(painted: &[&Bin], side: usize, config: &LaneConfig) -> f64 {
+    // A stray is no stripe, and where scans lie close there are several.
+    let is_striped = |share: &Share| share.bright >= 2.0 && share.value() >= config.least_striped_share;
+    let striped = painted.iter().filter(|b| is_striped(&b.beside[side])).count();
     striped as f64 / painted.len().max(1) as f64
 }
 
@@ -159,4 +160,21 @@ fn on_ground(bins: &[Bin], path: &Path, cloud: &Cloud, config: &LaneConfig) -> V
             Some((s, Point3::new(p.x, -height, p.z)))
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stripes_are_paint_and_a_few_grains_among_many_points_are_none() {
+        let config = LaneConfig::default();
+        let share = |bright: f64, road: f64| {
+            let beside = [Share { bright, road }, Share { bright: 1.0, road: 4.0 }];
+            let bins = [Bin { beside, ..Bin::default() }];
+            striped_share(&bins.iter().collect::<Vec<_>>(), 0, &config)
+        };
+        assert!(share(4.0, 12.0) > 0.9 && share(40.0, 120.0) > 0.9);
+        assert!(share(1.0, 3.0) < 0.1 && share(3.0, 100.0) < 0.1);
+    }
 }

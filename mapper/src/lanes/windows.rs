@@ -54,9 +54,10 @@ pub fn find_lines(paint: &Paint, from_m: f64, to_m: f64, config: &LaneConfig) ->
 /// one is no evidence for the next. Points are in the order of their stations.
 fn lines_in_window(all: &[PathPoint], centre_m: f64, config: &LaneConfig) -> Vec<WindowLine> {
     let mut points = all.to_vec();
-    let mut thinned = thinned(all, centre_m, config);
+    let most = most_in_bin(all.len(), config);
+    let mut thinned = thinned(all, centre_m, most, config);
     let mut lines: Vec<WindowLine> = Vec::new();
-    for (candidate, _) in candidates(&thinned, centre_m, config).iter().take(MOST_CANDIDATES) {
+    for (candidate, _) in candidates(&thinned, centre_m, most, config).iter().take(MOST_CANDIDATES) {
         if lines.len() >= MOST_LINES {
             break;
         }
@@ -67,11 +68,11 @@ fn lines_in_window(all: &[PathPoint], centre_m: f64, config: &LaneConfig) -> Vec
             };
             apart_m(-0.25) < config.apart_m && apart_m(0.25) < config.apart_m
         };
-        if lines.iter().any(is_known) || significance(&thinned, candidate, config).is_none() {
+        if lines.iter().any(is_known) || significance(&thinned, candidate, most, config).is_none() {
             continue;
         }
         let line = refine(&points, *candidate, config.half_line_m, config);
-        let found = pair(&thinned, &line, config).map_or_else(|| vec![line], Vec::from);
+        let found = pair(&thinned, &line, most, config).map_or_else(|| vec![line], Vec::from);
         // What is explained, or too near to be another line, is spent.
         let is_other =
             |p: &PathPoint| found.iter().all(|line| (p.offset_m - line.offset_m(p.station_m)).abs() > config.apart_m);
@@ -82,9 +83,18 @@ fn lines_in_window(all: &[PathPoint], centre_m: f64, config: &LaneConfig) -> Vec
     lines
 }
 
+/// Most points of paint on a line that one bin counts for, in a window that has so
+/// many of them. Where scans lie close grains alone fill the bins: no more would
+/// count on a line than beside it.
+fn most_in_bin(points: usize, config: &LaneConfig) -> u16 {
+    let share = config.bin_m * config.half_line_m / (config.window_m * config.half_width_m);
+    let usual = points as f64 * share;
+    config.most_bin_points.max((config.most_bin_ratio * usual) as u16)
+}
+
 /// The points but those that no vote counts: more than a bin counts for in one
 /// cell of offset. Near the path that is most of them.
-fn thinned(points: &[PathPoint], centre_m: f64, config: &LaneConfig) -> Vec<PathPoint> {
+fn thinned(points: &[PathPoint], centre_m: f64, most: u16, config: &LaneConfig) -> Vec<PathPoint> {
     let start_m = centre_m - config.window_m / 2.0;
     let low = points.iter().map(|p| p.offset_m).fold(f64::INFINITY, f64::min);
     let high = points.iter().map(|p| p.offset_m).fold(f64::NEG_INFINITY, f64::max);
@@ -92,7 +102,7 @@ fn thinned(points: &[PathPoint], centre_m: f64, config: &LaneConfig) -> Vec<Path
     let mut is_counted = |p: &PathPoint| {
         let cell = &mut cells[((p.offset_m - low) / CELL_M) as usize];
         let before = cell.all;
-        cell.count(bin_of(p.station_m - start_m, config), config.most_bin_points);
+        cell.count(bin_of(p.station_m - start_m, config), most);
         cell.all > before
     };
     points.iter().filter(|p| is_counted(p)).copied().collect()
@@ -106,7 +116,7 @@ pub(super) fn bin_of(from_start_m: f64, config: &LaneConfig) -> u16 {
 /// Lines with significantly more paint on them than beside them, and how
 /// significantly, most first, by voting over all slopes and offsets (Hough
 /// 1962).
-fn candidates(points: &[PathPoint], centre_m: f64, config: &LaneConfig) -> Vec<(WindowLine, f64)> {
+fn candidates(points: &[PathPoint], centre_m: f64, most: u16, config: &LaneConfig) -> Vec<(WindowLine, f64)> {
     let start_m = centre_m - config.window_m / 2.0;
     let steepest = config.largest_angle_rad.tan();
     // A step of the slope moves the ends of a window by half a line.
@@ -119,7 +129,7 @@ fn candidates(points: &[PathPoint], centre_m: f64, config: &LaneConfig) -> Vec<(
     let beside = (config.beside_line_m / CELL_M).round() as usize;
     let margin = half + beside;
     let cells = ((high - low) / CELL_M).ceil() as usize + 2 * margin + 1;
-    let mut poll = Poll::new(cells, half, config.most_bin_points);
+    let mut poll = Poll::new(cells, half, most);
     let bins: Vec<Bin> = points
         .chunk_by(|a, b| bin_of(a.station_m - start_m, config) == bin_of(b.station_m - start_m, config))
         .map(|bin| Bin::new(bin, centre_m, low - margin as f64 * CELL_M, lean_m))
@@ -154,13 +164,14 @@ fn candidates(points: &[PathPoint], centre_m: f64, config: &LaneConfig) -> Vec<(
 
 /// By how many standard deviations a line has more paint on it than beside it;
 /// none where that is too little for a line.
-fn significance(points: &[PathPoint], line: &WindowLine, config: &LaneConfig) -> Option<f64> {
-    let [on, left, right] = votes_on(points, line, config).map(|votes| votes.all);
+fn significance(points: &[PathPoint], line: &WindowLine, most: u16, config: &LaneConfig) -> Option<f64> {
+    let [on, left, right] = votes_on(points, line, most, config).map(|votes| votes.all);
     more_than_beside(on, [left, right], config)
 }
 
-/// What is counted on a line, and to the left and to the right of it.
-pub(super) fn votes_on(points: &[PathPoint], line: &WindowLine, config: &LaneConfig) -> [Votes; 3] {
+/// What is counted on a line, and to the left and to the right of it, at most so much
+/// of each bin.
+pub(super) fn votes_on(points: &[PathPoint], line: &WindowLine, most: u16, config: &LaneConfig) -> [Votes; 3] {
     let start_m = line.centre_m - config.window_m / 2.0;
     let mut votes = [Votes::default(); 3];
     for p in points {
@@ -168,7 +179,7 @@ pub(super) fn votes_on(points: &[PathPoint], line: &WindowLine, config: &LaneCon
         let bin = bin_of(p.station_m - start_m, config);
         for (vote, middle_m) in votes.iter_mut().zip([0.0, -config.beside_line_m, config.beside_line_m]) {
             if (off_m - middle_m).abs() <= config.half_line_m {
-                vote.count(bin, config.most_bin_points);
+                vote.count(bin, most);
             }
         }
     }
@@ -266,4 +277,37 @@ pub(super) fn refine(points: &[PathPoint], start: WindowLine, half_m: f64, confi
         line.middle_m = (so - line.slope * st) / n;
     }
     line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A window with so many grains in each bin of a line's width, and a line that has
+    /// three times as many.
+    fn lines(grains: u32, config: &LaneConfig) -> Vec<WindowLine> {
+        let point = |station_m: f64, offset_m: f64| PathPoint { station_m, offset_m, height_m: 0.0, contrast: 4.0 };
+        let wide_m = 2.0 * config.half_width_m;
+        let per_bin = grains * (wide_m / (2.0 * config.half_line_m)) as u32;
+        let mut points = Vec::new();
+        for bin in 0..(config.window_m / config.bin_m) as u32 {
+            let station_m = f64::from(bin) * config.bin_m + 0.2;
+            // Even, but at other places in each bin.
+            let place = |k: u32| (f64::from(k) * 0.618_034 + f64::from(bin) * 0.377).fract();
+            points.extend((0..per_bin).map(|k| point(station_m, (place(k) - 0.5) * wide_m)));
+            points.extend((0..2 * grains).map(|k| point(station_m, 3.0 + 0.2 * (place(k) - 0.5))));
+        }
+        lines_in_window(&points, config.window_m / 2.0, config)
+    }
+
+    #[test]
+    fn where_scans_lie_close_grains_do_not_hide_a_line() {
+        let is_there = |lines: &[WindowLine]| lines.first().is_some_and(|line| (line.middle_m - 3.0).abs() < 0.05);
+        let mut config = LaneConfig::default();
+        for grains in [2, 8, 30] {
+            assert!(is_there(&lines(grains, &config)), "{grains}");
+        }
+        config.most_bin_ratio = 0.0;
+        assert!(!is_there(&lines(30, &config)), "all bins are full");
+    }
 }

@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{HedgeConfig, ShelterConfig, TreeConfig, WallConfig};
+use crate::looks::LookConfig;
 
 /// How poles are told from everything else.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -166,12 +167,8 @@ pub struct PoleConfig {
     /// Height above which the free part of a pole begins where it stands in a
     /// hedge, metres above ground: lower bushes end below.
     pub largest_bush_m: f64,
-    /// Largest share of the views that look through where a pole stands, of those
-    /// from where every beam would hit it: what most of them look through has moved.
-    pub largest_looked_through: f64,
-    /// Fewest beams of a scan through a place that tell that nothing stands
-    /// there: one or two may be strays.
-    pub fewest_beams_through: u32,
+    /// What has moved.
+    pub looks: LookConfig,
     /// Top of hedges and doors, metres above ground: hedges are kept at 2 m, doors
     /// are 2.0 to 2.1 m high. What stands out before them and ends below, with more
     /// of the same above it, is a stem or a jamb of theirs.
@@ -336,8 +333,7 @@ impl Default for PoleConfig {
             least_free_hanging_m: 1.1,
             largest_attached_share: 0.5,
             largest_bush_m: 1.0,
-            largest_looked_through: 0.5,
-            fewest_beams_through: 3,
+            looks: LookConfig::default(),
             hedge_top_m: 2.2,
             open_top_m: 0.4,
             rail_m: 0.5,

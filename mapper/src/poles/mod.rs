@@ -8,7 +8,6 @@ mod fitted;
 mod flat;
 mod hedges;
 mod kinds;
-mod looks;
 mod normal;
 mod plumb;
 mod reflectors;
@@ -19,7 +18,7 @@ mod tests;
 mod walls;
 
 use common::map::PoleKind;
-use nalgebra::Point2;
+use nalgebra::{Point2, Point3, Vector2};
 use rayon::prelude::*;
 
 pub use config::PoleConfig;
@@ -32,16 +31,19 @@ pub use roofs::ShelterConfig;
 pub use stacks::{Filling, Stack, Stacks};
 pub use walls::WallConfig;
 
+pub use crate::looks::LookConfig;
+
 use crate::cloud::Cloud;
 use crate::lidar::LidarConfig;
+use crate::looks::{Stands, standing};
 use fences::{ends_fence, in_fences};
 use kinds::{Kinds, has_crown};
-use looks::looked_through;
 use reflectors::{under_reflectors, under_sheets};
 use roofs::without_pillars;
 
 /// The poles of a stitched cloud with their kinds.
 pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Vec<(PoleKind, FittedPole)> {
+    let config = &of_leaning_map(cloud.ground.tilt_rad(&cloud.path), config);
     let stacks = Stacks::new(&cloud.points, cloud.ground.grid(), config);
     // What stands free first, reflectors last: what stands free is known by then.
     let places: Vec<Stack> = stacks
@@ -92,9 +94,36 @@ pub fn find_poles(cloud: &Cloud, config: &PoleConfig, lidar: &LidarConfig) -> Ve
     }
     // Pillars are told by the others of their roof, so all are asked together.
     let kept = without_pillars(kept, config);
-    let shares = looked_through(cloud, &kept.iter().map(|(_, pole)| pole).collect::<Vec<_>>(), config, lidar);
-    let standing = kept.into_iter().zip(shares).filter(|(_, share)| *share <= config.largest_looked_through);
-    standing.map(|(pole, _)| pole).collect()
+    standing(kept, cloud, &config.looks, lidar)
+}
+
+impl Stands for (PoleKind, FittedPole) {
+    fn middle(&self) -> Point2<f64> {
+        let middle = nalgebra::center(&self.1.foot, &self.1.top);
+        Point2::new(middle.x, middle.z)
+    }
+
+    fn radius_m(&self) -> f64 {
+        self.1.radius_m
+    }
+
+    fn beside_m(&self, at: &Point3<f64>, view: Vector2<f64>) -> Option<f64> {
+        let pole = &self.1;
+        let length_m = pole.foot.y - pole.top.y;
+        let up_m = pole.foot.y - at.y;
+        if length_m <= 0.0 || up_m < pole.foot_height_m.max(0.2 * length_m) || up_m > length_m {
+            return None;
+        }
+        Some((Point2::new(at.x, at.z) - pole.at_height_of(at)).perp(&view).abs())
+    }
+}
+
+/// The settings for a map whose level leans so far from the road. Streets climb by half
+/// of what a pole may lean; beyond that it is the first camera, whose axes are the map's,
+/// that looks up or down, and poles lean in the map by as much.
+fn of_leaning_map(tilt_rad: f64, config: &PoleConfig) -> PoleConfig {
+    let leaning_rad = if tilt_rad > config.largest_tilt_rad / 2.0 { tilt_rad } else { 0.0 };
+    PoleConfig { largest_tilt_rad: config.largest_tilt_rad + leaning_rad, ..config.clone() }
 }
 
 fn is_pole(pole: &FittedPole, stack: &Stack, config: &PoleConfig) -> bool {

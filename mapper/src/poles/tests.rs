@@ -1,5 +1,6 @@
 mod decisions;
 mod kinds;
+mod lean;
 
 use nalgebra::Point3;
 
@@ -289,43 +290,6 @@ fn thin_posts_as_high_as_each_other_carry_a_low_roof() {
     assert_eq!((left(&[2.4; 4]), left(&[2.4; 3])), (0, 0));
     // Two carry no roof, nor do posts of signs, each as high as its plates, and lamps.
     assert_eq!((left(&[2.4; 2]), left(&[2.4, 2.7, 2.2, 2.9]), left(&[3.3; 4])), (2, 4, 4));
-}
-
-/// Foot and top of a pole that leans over map x and z by so much per metre.
-fn leaning(x: f64, z: f64, height_m: f64, lean: f64) -> (Point3<f64>, Point3<f64>) {
-    let foot = Point3::new(x, CAMERA_HEIGHT_M, z);
-    (foot, foot + nalgebra::Vector3::new(lean * height_m, -height_m, 0.0))
-}
-
-#[test]
-fn short_posts_stand_as_the_long_ones_do() {
-    let mut street = Street::new();
-    // The first camera is rolled by 1.7 degrees, and so is all that stands.
-    for z in [12.0, 22.0, 32.0, 42.0] {
-        let (foot, top) = leaning(-5.0, z, 5.0, 0.03);
-        street.add_cylinder(foot, top, 0.06);
-    }
-    let (foot, top) = leaning(4.0, 27.0, 0.9, 0.03);
-    street.add_cylinder(foot, top, 0.05);
-    let poles = found(street);
-    assert_eq!(poles.len(), 5);
-    let short = poles.iter().find(|(kind, _)| *kind == PoleKind::Delineator).unwrap();
-    assert!((short.1.slope.x - 0.03).abs() < 0.007 && short.1.slope.y.abs() < 0.007, "{}", short.1.slope);
-}
-
-#[test]
-fn one_pole_that_leans_by_eight_degrees_keeps_its_lean() {
-    let mut street = Street::new();
-    for z in [12.0, 20.0, 36.0, 44.0] {
-        let (foot, top) = leaning(-5.0, z, 5.0, 0.0);
-        street.add_cylinder(foot, top, 0.06);
-    }
-    let (foot, top) = leaning(5.0, 28.0, 4.0, 0.14);
-    street.add_cylinder(foot, top, 0.06);
-    let poles = found(street);
-    let leaning = poles.iter().map(|(_, pole)| pole).find(|pole| pole.foot.x > 0.0).unwrap();
-    assert!((leaning.slope.x - 0.14).abs() < 0.009, "{}", leaning.slope);
-    assert!((leaning.foot - foot).norm() < 0.03);
 }
 
 #[test]

@@ -1,5 +1,7 @@
 use serde::{Deserialize, Serialize};
 
+use crate::looks::LookConfig;
+
 /// How signs are told from everything else.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -25,6 +27,8 @@ pub struct SignConfig {
     /// Largest share of the lidar's own motion that a cluster may follow: the
     /// plate of a vehicle ahead moves along.
     pub largest_following: f64,
+    /// What has moved: lamps and plates of vehicles that waited beside the lidar.
+    pub looks: LookConfig,
     /// Smallest extent, metres.
     pub smallest_m: f64,
     /// Largest extent, metres: larger ones are hoardings and shop fronts.
@@ -50,6 +54,7 @@ impl Default for SignConfig {
             fewest_points: 10,
             fewest_scans: 2,
             largest_following: 0.2,
+            looks: LookConfig::default(),
             smallest_m: 0.2,
             largest_m: 2.5,
             thickest_m: 0.2,

@@ -17,7 +17,7 @@ mod stacked;
 mod told;
 
 use common::map::{PoleKind, SignKind};
-use nalgebra::{Point3, Vector2};
+use nalgebra::{Point2, Point3, Vector2};
 use rayon::prelude::*;
 
 pub(crate) use bright::clusters;
@@ -32,6 +32,7 @@ use bright::{BrightPlate, bright_plates};
 use crate::cloud::Cloud;
 use crate::config::Config;
 use crate::lidar::LidarConfig;
+use crate::looks::{Stands, standing};
 use crate::poles::{FittedPole, PoleConfig};
 
 /// A sign as found.
@@ -76,8 +77,26 @@ pub fn find_signs(cloud: &Cloud, poles: &[(PoleKind, FittedPole)], config: &Conf
             found.push(sign);
         }
     }
-    found
+    standing(found, cloud, &config.looks, lidar)
 }
+
+impl Stands for FoundSign {
+    fn middle(&self) -> Point2<f64> {
+        Point2::new(self.centroid.x, self.centroid.z)
+    }
+
+    fn radius_m(&self) -> f64 {
+        HALF_SIDE * self.size_m
+    }
+
+    fn beside_m(&self, at: &Point3<f64>, view: Vector2<f64>) -> Option<f64> {
+        let off = at - self.centroid;
+        (off.y.abs() <= self.radius_m()).then(|| Vector2::new(off.x, off.z).perp(&view).abs())
+    }
+}
+
+/// Half of the side of a square over its diagonal.
+const HALF_SIDE: f64 = 0.35;
 
 /// What is called a sign post ends at a sign: where none hangs at the upper end of
 /// a post, leaves may hide how far it goes on (of 46 such posts on ten generated

@@ -237,3 +237,24 @@ fn a_post_alone_and_a_hedge_around_it_carry_no_sign() {
     }
     assert!(post.found(2.8).is_empty());
 }
+
+/// A lamp as large as a van's, 1.4 m above the road, that three scans saw beside them;
+/// whether the others look through where that was.
+fn lamp_of_a_vehicle(is_looked_through: bool) -> Vec<FoundSign> {
+    let mut post = Post::new(5.0, 28.0);
+    let foot = post.foot;
+    for (scan, up, aside) in (2..5).flat_map(|scan| (0..30).map(move |k| (scan, k / 6, k % 6))) {
+        let off = Vector3::new(0.04 * f64::from(aside) - 0.1, -1.3 - 0.05 * f64::from(up), 0.0);
+        post.street.add(foot + off, scan, SHEETING, None);
+    }
+    for scan in (0..2).chain(5..9).filter(|_| is_looked_through) {
+        post.street.add_behind(foot, 1.9, scan);
+    }
+    post.found_on(&[])
+}
+
+#[test]
+fn what_other_scans_look_through_has_moved_and_is_no_sign() {
+    assert_eq!(lamp_of_a_vehicle(false).len(), 1, "nothing says that it moved");
+    assert_eq!(lamp_of_a_vehicle(true), []);
+}

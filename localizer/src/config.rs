@@ -119,6 +119,7 @@ pub const LIMITS: &[Limits] = &[
     limits("visual_odometry.road.alike_m", 0.0, 1e3),
     limits("visual_odometry.road.*", 0.0, 200.0),
     limits("bank.*memory", 0.0, 1.0),
+    limits("bank.least_anew", 0.0, 1.0),
     limits("bank.*capacity", 1.0, 1e4),
     limits("bank.max_*_m_s", 0.0, 200.0),
     limits("bank.*", 0.0, 1e9),

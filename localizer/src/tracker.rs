@@ -233,7 +233,8 @@ impl<'a> Tracker<'a> {
             // trusted, nothing is known that would have to stay.
             let other = if i == 0 { next } else { Some(best.1) }.filter(|_| was_ever_ok);
             let of_pair = |other| self.config.bank.told([hypothesis.evidence, other].into_iter());
-            let told = other.map_or(widest, of_pair);
+            let anew = if was_ever_ok { self.config.bank.anew(hypothesis.way_m) } else { 1.0 };
+            let told = anew * other.map_or(widest, of_pair);
             hypothesis.carry(best, told, &self.config.bank);
             let is_doubted = i == 0 && believed.is_odd();
             let sober = is_doubted.then(|| hypothesis.disbelieving(self.config.odometry.disbelief));

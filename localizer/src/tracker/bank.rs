@@ -37,6 +37,12 @@ pub struct BankConfig {
     /// of that stays, whatever it says of a third; but for the first frames, until one
     /// was ok.
     pub telling: f64,
+    /// The way after which a frame shows landmarks anew, metres: of one nearer to the frame
+    /// before less counts once one was ok, for from one place they are seen with the same
+    /// errors.
+    pub anew_m: f64,
+    /// Share that counts of a frame from the same place: some of its noise is its own.
+    pub least_anew: f64,
     /// Less evidence than the best by this much is refuted, nats.
     pub prune_margin: f64,
     /// What a hypothesis that was not tracked pays, nats: 5 says that one pose
@@ -98,6 +104,8 @@ impl Default for BankConfig {
             memory: 0.8,
             handicap_memory: 0.95,
             telling: 1.0,
+            anew_m: 0.5,
+            least_anew: 0.2,
             prune_margin: 30.0,
             newcomer_cost: 5.0,
             trust_memory_s: 3.0,
@@ -128,6 +136,11 @@ impl BankConfig {
         }
         let (least, most) = evidences.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), e| (a.min(e), b.max(e)));
         ((most - least) / self.telling.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
+    }
+
+    /// How much counts of a frame that is so far from the one before, metres.
+    pub fn anew(&self, way_m: f64) -> f64 {
+        (way_m / self.anew_m.max(f64::MIN_POSITIVE)).min(1.0).max(self.least_anew)
     }
 
     /// How many hypotheses of this age may be kept.

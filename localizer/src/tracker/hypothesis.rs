@@ -82,7 +82,7 @@ pub struct Hypothesis {
     /// The same in the last frame alone.
     pub now: Foreseen,
     /// The way since the frame before, metres.
-    way_m: f64,
+    pub way_m: f64,
     /// Root mean square distance of its matches, pixels.
     pub rms_px: f64,
     /// Solver iterations in the last frame.

@@ -112,6 +112,31 @@ fn what_a_frame_says_of_a_third_tells_two_hypotheses_not_apart() {
 }
 
 #[test]
+fn frames_from_one_place_count_little_once_one_was_trusted() {
+    let world = World::new(street());
+    let mut map = LocalMap::whole(world.map.clone());
+    let mut tracker = followed(&world, &mut map);
+    let best = tracker.bank.remove(0);
+    // How far another one falls back that a frame speaks against, by the way to it.
+    let mut fallen = |way_m: f64, was_ever_ok: bool| {
+        tracker.verdict = tracker.verdict.map(|verdict| Verdict { was_ever_ok, ..verdict });
+        tracker.bank.clear();
+        for evidence in [7.0, 2.0] {
+            let mut one = best.clone();
+            (one.past_weight, one.evidence, one.way_m) = (0.0, evidence, way_m);
+            tracker.bank.push(one);
+        }
+        tracker.predict(0.1, &Believed::default());
+        tracker.bank[0].past_weight - tracker.bank[1].past_weight
+    };
+    let whole = 5.0 * BankConfig::default().memory;
+    assert!((fallen(0.5, true) - whole).abs() < 1e-9 && (fallen(2.0, true) - whole).abs() < 1e-9);
+    assert!((fallen(0.25, true) - 0.5 * whole).abs() < 1e-9);
+    assert!((fallen(0.0, true) - 0.2 * whole).abs() < 1e-9);
+    assert!((fallen(0.0, false) - whole).abs() < 1e-9, "nothing is known that would have to stay");
+}
+
+#[test]
 fn who_was_just_trusted_is_not_lost() {
     let world = World::new(street());
     let mut map = LocalMap::whole(world.map.clone());

@@ -1,6 +1,8 @@
 //! The region in which the camera is by GPS and by the last trusted pose,
 //! whatever is tracked: where it is searched for.
 
+use std::f64::consts::PI;
+
 use common::geometry::{PoseParameters, Tangent, local};
 use nalgebra::{Cholesky, Matrix3, Matrix6, Point3, Vector3, Vector6};
 
@@ -27,6 +29,9 @@ pub(super) struct Region {
     /// The last trusted pose, or the first fix, driven on, with the fixes that
     /// agree with it.
     trusted: Option<State>,
+    /// The first fix headed against the survey, driven on, where nothing has told yet which
+    /// way the road is driven.
+    turned: Option<State>,
     /// The pose that was trusted before, driven on, where the one that is now
     /// contradicts it: one of the two was wrong, and only time tells which.
     former: Option<State>,
@@ -53,6 +58,7 @@ impl Region {
         let contradicts = |place: &State| half_distance2(place, state, self.time_variance_s2) > contradiction;
         let is_back = self.former.as_ref().is_some_and(|former| !contradicts(former));
         let trusted = self.trusted.replace(state.clone());
+        self.turned = None;
         if is_back {
             self.former = None;
         } else if let Some(left) = trusted.filter(contradicts) {
@@ -71,6 +77,11 @@ impl Region {
         self.contradicting(gps).or(self.trusted.as_ref())
     }
 
+    /// Where to search besides, by the other way to drive the road.
+    pub fn searched_turned(&self, gps: &GpsConfig) -> Option<&State> {
+        self.turned.as_ref().filter(|_| self.contradicting(gps).is_none())
+    }
+
     fn contradicting(&self, gps: &GpsConfig) -> Option<&State> {
         self.told.as_ref().filter(|_| self.refused_fixes >= gps.believed_after)
     }
@@ -79,7 +90,7 @@ impl Region {
     /// the plane and in heading from the nearer of the places, but no more than
     /// `most`.
     pub fn against(&self, state: &State, gps: &GpsConfig, most: f64) -> f64 {
-        let places = self.trusted.iter().chain(&self.former).chain(self.contradicting(gps));
+        let places = self.trusted.iter().chain(&self.turned).chain(&self.former).chain(self.contradicting(gps));
         let nats = places.map(|place| half_distance2(place, state, self.time_variance_s2)).reduce(f64::min);
         nats.map_or(0.0, |nats| nats.min(most))
     }
@@ -88,7 +99,8 @@ impl Region {
         if let Some((_, since_s)) = &mut self.heard {
             *since_s += dt_s;
         }
-        self.trusted.iter_mut().chain(&mut self.former).chain(&mut self.told).for_each(&mut drive);
+        let told = self.former.iter_mut().chain(&mut self.told);
+        self.trusted.iter_mut().chain(&mut self.turned).chain(told).for_each(&mut drive);
     }
 
     /// How fast the vehicle went from the last fix to this one, m/s. Before
@@ -98,8 +110,10 @@ impl Region {
         self.heard.filter(|(_, since_s)| *since_s > 0.0).map_or(SETS_OFF_M_S, |(from, since_s)| way_m(&from) / since_s)
     }
 
-    fn take(&mut self, fix: &GpsFix, rough: &Rough, config: &Config) {
+    /// Takes in a fix: `turned` where it leaves it open which way the road is driven.
+    fn take(&mut self, fix: &GpsFix, rough: &Rough, turned: Option<&Rough>, config: &Config) {
         self.heard = Some((fix.position_map, 0.0));
+        self.take_turned(rough, turned, config);
         let agrees = |place: &State| fix.offset(place, &config.gps).is_some();
         match &mut self.trusted {
             Some(trusted) if agrees(trusted) => {
@@ -119,6 +133,25 @@ impl Region {
                 }
             }
             trusted => *trusted = Some(unknown_speed(rough, config)),
+        }
+    }
+
+    /// Takes in which way the road is driven, if a fix tells it.
+    fn take_turned(&mut self, rough: &Rough, turned: Option<&Rough>, config: &Config) {
+        let Some(turned) = turned else {
+            // It is headed as the one or as the other.
+            let off_rad = |place: &State| local(&place.map_from_camera, &rough.map_from_camera)[4].abs();
+            if let (Some(trusted), Some(turned)) = (&mut self.trusted, self.turned.take())
+                && off_rad(&turned) < off_rad(trusted)
+            {
+                *trusted = turned;
+            }
+            return;
+        };
+        match &mut self.turned {
+            Some(place) => take_in(place, turned),
+            place if self.trusted.is_none() => *place = Some(unknown_speed(turned, config)),
+            _ => {}
         }
     }
 }
@@ -177,8 +210,10 @@ impl Tracker<'_> {
             let fix = &self.with_right_heading(fix);
             let shown_m_s = odometry.and_then(|shown| shown.speed_m_s);
             let speed_m_s = shown_m_s.unwrap_or_else(|| self.region.speed_to(fix));
-            let rough = self.rough_from(fix, speed_m_s)?;
-            self.region.take(fix, &rough, &self.config);
+            let heading = fix.heading_at(speed_m_s, &self.config.gps);
+            let rough = self.rough_from(fix, heading)?;
+            let turned = if heading.is_none() { self.turned(fix, &rough)? } else { None };
+            self.region.take(fix, &rough, turned.as_ref(), &self.config);
             self.hold_against(fix);
         }
         Ok(())
@@ -210,7 +245,18 @@ impl Tracker<'_> {
         self.verdict = self.verdict.map(Verdict::lost);
     }
 
-    fn rough_from(&mut self, fix: &GpsFix, speed_m_s: f64) -> Result<Rough> {
+    /// The belief of a fix that tells no heading, if the road beside it is driven against the
+    /// survey; none beside no road, where every heading is as good.
+    fn turned(&mut self, fix: &GpsFix, rough: &Rough) -> Result<Option<Rough>> {
+        let start = &self.config.start;
+        if self.map.path_within(&self.sight.candidates.roads, &fix.position_map, start.path_reach_m).is_none() {
+            return Ok(None);
+        }
+        let along_rad = PoseParameters::from_pose(&rough.map_from_camera).yaw_rad;
+        self.rough_from(fix, Some((along_rad + PI, start.path_heading_sigma_rad))).map(Some)
+    }
+
+    fn rough_from(&mut self, fix: &GpsFix, heading: Option<(f64, f64)>) -> Result<Rough> {
         let reach_m = self.config.start.path_reach_m;
         self.map.roads_near(&fix.position_map, reach_m, &mut self.sight.candidates.roads)?;
         Ok(Rough::from_fix(
@@ -218,7 +264,7 @@ impl Tracker<'_> {
             &self.sight.candidates.roads,
             &fix.position_map,
             fix.horizontal_sigma_m,
-            fix.heading_at(speed_m_s, &self.config.gps),
+            heading,
             &self.config.start,
         ))
     }

@@ -25,24 +25,31 @@ impl Tracker<'_> {
         if (sure && !self.is_contradicted()) || self.sight.shows_nothing() || self.has_left_map() {
             return Ok(false);
         }
-        let Some(region) = self.region.searched(&self.config.gps).cloned() else { return Ok(false) };
+        let regions = [self.region.searched(&self.config.gps), self.region.searched_turned(&self.config.gps)];
+        let regions = regions.map(|region| region.cloned());
+        let Some(region) = &regions[0] else { return Ok(false) };
         let position = region.map_from_camera.translation.vector.into();
         self.map.roads_near(&position, self.config.start.path_reach_m, &mut self.sight.candidates.roads)?;
-        let rough = region::rough_of(&region, self.map, &self.sight.candidates.roads, &self.config);
         let start = self.config.start;
-        let is_from_afar = rough.sigmas[0].max(rough.sigmas[2]) > start.grid_sigma_m;
         let handicap = if self.bank.is_empty() { 0.0 } else { self.newcomer_cost() };
         // What is hidden from the best was hidden from the others, too.
         let past_weight = self.bank.first().map_or(0.0, |best| best.past_weight.min(0.0));
         self.searched_frames += 1;
         let others: &[f64] = if self.tries_other_heights() { &start.other_heights_m } else { &[] };
         let others = others.iter().map(|&higher_m| (higher_m, start.other_height_cost));
-        for (higher_m, cost) in std::iter::once((0.0, 0.0)).chain(others) {
-            let (region, rough) = (raised(&region, higher_m), rough.raised(higher_m));
-            for refined in self.search_around(&rough, &rough.reach(&start), None, &start)? {
-                let mut found = Hypothesis::found(&refined, &region, past_weight, handicap + cost);
-                found.standing.is_from_afar = is_from_afar;
-                self.add(found);
+        let heights: Vec<(f64, f64)> = std::iter::once((0.0, 0.0)).chain(others).collect();
+        let roads = &self.sight.candidates.roads;
+        let roughs = regions
+            .map(|region| region.map(|region| (region::rough_of(&region, self.map, roads, &self.config), region)));
+        for (rough, region) in roughs.iter().flatten() {
+            let is_from_afar = rough.sigmas[0].max(rough.sigmas[2]) > start.grid_sigma_m;
+            for &(higher_m, cost) in &heights {
+                let (region, rough) = (raised(region, higher_m), rough.raised(higher_m));
+                for refined in self.search_around(&rough, &rough.reach(&start), None, &start)? {
+                    let mut found = Hypothesis::found(&refined, &region, past_weight, handicap + cost);
+                    found.standing.is_from_afar = is_from_afar;
+                    self.add(found);
+                }
             }
         }
         self.sort();

@@ -17,7 +17,46 @@ fn fix(right_m: f64) -> (GpsFix, Rough) {
 
 fn told(region: &mut Region, right_m: f64, times: usize, config: &Config) {
     let (fix, rough) = fix(right_m);
-    (0..times).for_each(|_| region.take(&fix, &rough, config));
+    (0..times).for_each(|_| region.take(&fix, &rough, None, config));
+}
+
+/// A region that begins with a fix that tells no heading, and that headed the other way.
+fn headed_either_way(config: &Config) -> (Region, [Rough; 2]) {
+    let (fix, along) = fix(0.0);
+    let against = Rough { map_from_camera: retract(&along.map_from_camera, &turn(PI)), ..along };
+    let mut region = Region::default();
+    region.take(&GpsFix { heading: None, ..fix }, &along, Some(&against), config);
+    (region, [along, against])
+}
+
+fn turn(yaw_rad: f64) -> Tangent {
+    Tangent::new(0.0, 0.0, 0.0, 0.0, yaw_rad, 0.0)
+}
+
+#[test]
+fn who_tells_no_heading_may_drive_either_way_until_one_is_trusted() {
+    let config = Config::default();
+    let (mut region, roughs) = headed_either_way(&config);
+    let [along, against] = roughs.map(|rough| unknown_speed(&rough, &config));
+    let costs = |region: &Region| [&along, &against].map(|state| region.against(state, &config.gps, MOST));
+    assert!(region.searched_turned(&config.gps).is_some());
+    assert!(costs(&region).iter().all(|cost| *cost < 0.1), "{:?}", costs(&region));
+    region.trust(&against, CONTRADICTION);
+    assert!(region.searched_turned(&config.gps).is_none() && costs(&region)[1] < 0.1, "{:?}", costs(&region));
+}
+
+#[test]
+fn a_fix_that_tells_the_heading_decides_which_way_the_road_is_driven() {
+    let config = Config::default();
+    for (yaw_rad, is_turned) in [(3.0, true), (0.1, false)] {
+        let (mut region, [along, _]) = headed_either_way(&config);
+        let (fix, told) = fix(0.5);
+        let told = Rough { map_from_camera: retract(&told.map_from_camera, &turn(yaw_rad)), ..told };
+        region.take(&fix, &told, None, &config);
+        let kept = region.searched(&config.gps).unwrap();
+        let off_rad = local(&along.map_from_camera, &kept.map_from_camera)[4].abs();
+        assert!((off_rad > 2.5) == is_turned && region.searched_turned(&config.gps).is_none(), "{off_rad}");
+    }
 }
 
 /// Who went 20 m with a heading known to 0.2 rad is aside by that.

@@ -43,3 +43,25 @@ fn who_followed_a_gyroscope_that_was_off_is_found_again() {
     assert!(swept.is_some_and(|back| back < hidden.end + 20), "{swept:?}");
     assert!(unswept.is_none_or(|back| back > hidden.end + 20), "{unswept:?}");
 }
+
+#[test]
+fn who_drives_against_the_survey_is_found_from_a_fix_without_a_heading() {
+    for is_against in [false, true] {
+        let mut world = World::new(street());
+        if is_against {
+            world.map.roads.iter_mut().for_each(|road| road.path_map.reverse());
+        }
+        let mut map = LocalMap::whole(world.map.clone());
+        let mut tracker = Tracker::new(&mut map, &world.camera, IMAGE, &Config::default());
+        let off = Tangent::new(1.0, 0.0, -1.5, 0.0, 0.0, 0.0);
+        let fix = GpsFix::from_pose(&retract(&world.truth[0], &off), &GpsConfig::default());
+        let fix = GpsFix { heading: None, ..fix };
+        for frame in 0..20 {
+            let (time_s, features) = (time_s(frame), &world.features(frame));
+            let gps = (frame == 0).then_some(&fix);
+            let input = FrameInput { time_s, features, gps, odometry: None };
+            let found = local(&world.truth[frame], &tracker.step(&input).unwrap().unwrap().map_from_camera);
+            assert!(frame < 10 || found.fixed_rows::<3>(0).norm() < 0.5, "{is_against}, frame {frame}: {found}");
+        }
+    }
+}

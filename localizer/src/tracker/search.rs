@@ -26,7 +26,7 @@ impl Tracker<'_> {
             return Ok(false);
         }
         let regions = [self.region.searched(&self.config.gps), self.region.searched_turned(&self.config.gps)];
-        let regions = regions.map(|region| region.cloned());
+        let regions = regions.map(Option::<&_>::cloned);
         let Some(region) = &regions[0] else { return Ok(false) };
         let position = region.map_from_camera.translation.vector.into();
         self.map.roads_near(&position, self.config.start.path_reach_m, &mut self.sight.candidates.roads)?;

@@ -68,6 +68,8 @@ pub struct RotationConfig {
     /// Standard deviation of the pitch of the camera against the road, radians,
     /// around its mean.
     pub pitch_sigma_rad: f64,
+    /// The same of that mean from camera to camera, radians: three degrees of mounting.
+    pub mounting_sigma_rad: f64,
     /// Standard deviation of the camera's vertical speed, m/s: bumps. A vehicle
     /// at this over [`Self::pitch_sigma_rad`] is as much bumped as it pitches;
     /// below, the direction of motion tells little of the pitch.
@@ -134,6 +136,12 @@ pub struct RoadConfig {
     /// Hardest braking, m/s^2, with what the speeds are off by: a speed that no
     /// vehicle gets to from the last is none.
     pub hardest_m_s2: f64,
+    /// Speed at which the road is looked at while none is known, m/s: by it the direction of
+    /// the motion is believed.
+    pub usual_m_s: f64,
+    /// After so many images in a row in which the road goes on to show a speed that cannot have
+    /// followed the last, that was wrong.
+    pub believed_after: usize,
     /// Share of the road that is seen at least in both views: a few pixels
     /// correlate by chance.
     pub least_shared: f64,
@@ -223,6 +231,7 @@ impl Default for RotationConfig {
             turn_sigma_rad: [0.02, 0.03, 0.02],
             aside_sigma_rad: 0.03,
             pitch_sigma_rad: 0.0075,
+            mounting_sigma_rad: 0.05,
             bump_sigma_m_s: 0.06,
             lever_m: 1.5,
             pitch_memory_s: 2.0,
@@ -270,6 +279,8 @@ impl Default for RoadConfig {
             fastest_m_s: 45.0,
             fastest_back_m_s: 3.0,
             hardest_m_s2: 20.0,
+            usual_m_s: 10.0,
+            believed_after: 5,
             least_shared: 0.3,
             least_correlation: 0.3,
             least_lead: 0.2,

@@ -13,6 +13,7 @@ mod depths;
 mod fading;
 mod fall;
 mod grade;
+mod pitch;
 mod road;
 mod rotation;
 mod scale;
@@ -26,6 +27,7 @@ pub use config::{LabelConfig, RoadConfig, RotationConfig, TrackConfig, VisualOdo
 use depths::{known_after, way_of};
 use fall::Fall;
 use grade::Grade;
+use pitch::Pitch;
 use road::{Road, Shift, View};
 use rotation::{ASIDE, Belief, DOWN, Fit, Motion, Parameters, Track, YAW, fit};
 use scale::Scale;
@@ -80,10 +82,9 @@ pub struct VisualOdometer {
     soonest: f64,
     /// The last image came too soon: when it was taken is not known.
     time_is_unknown: bool,
-    /// Mean of the camera's pitch against the road, radians, positive where it
-    /// looks down, and of how many images.
-    pitch_rad: f64,
-    pitch_images: f64,
+    pitch: Pitch,
+    /// Images in a row in which the road showed a speed that cannot have followed the last.
+    contradicting: usize,
     grade: Grade,
     fall: Fall,
     scale: Scale,
@@ -108,8 +109,8 @@ impl VisualOdometer {
             pace: Pace::default(),
             soonest,
             time_is_unknown: false,
-            pitch_rad: 0.0,
-            pitch_images: 0.0,
+            pitch: Pitch::default(),
+            contradicting: 0,
             grade: Grade::new(&config.road),
             fall: Fall::new(&config.road),
             scale: Scale::default(),
@@ -177,7 +178,9 @@ impl VisualOdometer {
         if speed_m_s.is_some() {
             (self.speed_m_s, self.unseen_s) = (speed_m_s, 0.0);
         }
-        self.learn_pitch(&parameters, dt_s);
+        if let Some(speed_m_s) = self.speed_m_s {
+            self.pitch.learn(-parameters[DOWN], speed_m_s, dt_s, &self.config.rotation);
+        }
         let [pitch_rad_s, yaw_rad_s, roll_rad_s] = self.turn_rad_s;
         let sway_rad_s = Some([pitch_rad_s, roll_rad_s]);
         is_timed.then_some(Odometry { speed_m_s, yaw_rate_rad_s: -yaw_rad_s, sway_rad_s })
@@ -219,9 +222,9 @@ impl VisualOdometer {
         let way_m = speed_m_s * dt_s;
         let [pitch, yaw, roll] = self.turn_rad_s.map(|rad_s| rad_s * dt_s);
         let yaw = yaw + more_rad;
-        let expected = Motion::new(&Parameters::from_column_slice(&[pitch, yaw, roll, 0.0, -self.pitch_rad]));
+        let expected = Motion::new(&Parameters::from_column_slice(&[pitch, yaw, roll, 0.0, -self.pitch.mean_rad]));
         let tracks = self.follower.follow(&self.camera, |point, depth| {
-            let of_road = || ((point.y + self.pitch_rad) / self.camera_height_m).max(FAR_M.recip());
+            let of_road = || ((point.y + self.pitch.mean_rad) / self.camera_height_m).max(FAR_M.recip());
             let per_m = depth.map_or_else(of_road, |depth| depth.per_m);
             expected.at(point, (way_m * per_m).clamp(-MOST_SHARE, MOST_SHARE))
         });
@@ -232,7 +235,7 @@ impl VisualOdometer {
         let [pitch_sigma, yaw_sigma, roll_sigma] = config.turn_sigma_rad;
         let bump = config.bump_sigma_m_s * dt_s / step_m.abs();
         let belief = Belief {
-            mean: Parameters::from_column_slice(&[0.0, yaw, 0.0, aside, -self.pitch_rad]),
+            mean: Parameters::from_column_slice(&[0.0, yaw, 0.0, aside, -self.pitch.mean_rad]),
             sigma: Parameters::from_column_slice(&[
                 pitch_sigma,
                 yaw_sigma,
@@ -285,7 +288,7 @@ impl VisualOdometer {
             let bend_per_m = parameters[YAW] / least_way_m(speed_m_s * dt_s);
             let road = Road {
                 height_m: self.camera_height_m,
-                rise: self.pitch_now_rad(parameters, speed_m_s),
+                rise: self.pitch.now_rad(-parameters[DOWN], speed_m_s, &self.config.rotation),
                 bend_per_m: bend_per_m.clamp(-SHARPEST_PER_M, SHARPEST_PER_M),
                 sag_per_m: self.grade.sag_per_m(),
                 fall: self.fall.per_m(),
@@ -304,7 +307,7 @@ impl VisualOdometer {
         match self.speed_m_s {
             Some(speed_m_s) => shift(speed_m_s),
             // How far to believe the direction, the speed says.
-            None => shift(shift(0.0)?.forward_m / dt_s),
+            None => shift(shift(config.usual_m_s)?.forward_m / dt_s),
         }
     }
 
@@ -329,7 +332,8 @@ impl VisualOdometer {
 
     /// Whether the road tells a speed at all, and one that can have followed the
     /// last, and the last that it showed: what is seen twice is no chance, and the
-    /// times of both are good.
+    /// times of both are good. Where it goes on to tell another one, the last was wrong,
+    /// and so are the depths of the points that tell it.
     fn is_believed(&mut self, shift: &Shift, time_s: f64, dt_s: f64) -> bool {
         let config = &self.config.road;
         let least_lead = config.least_lead * (1.0 - shift.correlation);
@@ -340,7 +344,15 @@ impl VisualOdometer {
         let was_astray = std::mem::take(&mut self.was_astray);
         let shown = self.shown.replace((speed_m_s, time_s));
         let follows = |(last_m_s, last_s): (f64, f64)| self.follows(speed_m_s, last_m_s, time_s - last_s);
-        self.is_next(speed_m_s) && !was_astray && shown.is_some_and(follows)
+        let is_steady = !was_astray && shown.is_some_and(follows);
+        let contradicts = is_steady && !self.is_next(speed_m_s);
+        self.contradicting = if contradicts { self.contradicting + 1 } else { 0 };
+        if self.contradicting >= config.believed_after {
+            (self.contradicting, self.speed_m_s, self.unseen_s) = (0, None, 0.0);
+            self.scale = Scale::default();
+            return true;
+        }
+        is_steady && !contradicts
     }
 
     /// Whether a speed can have followed the last one.
@@ -350,26 +362,6 @@ impl VisualOdometer {
 
     fn follows(&self, speed_m_s: f64, last_m_s: f64, after_s: f64) -> bool {
         (speed_m_s - last_m_s).abs() <= self.config.road.hardest_m_s2 * after_s
-    }
-
-    /// The camera's pitch against the road: the slower, the less the direction
-    /// of the motion tells of it, as bumps move the camera, too.
-    fn pitch_now_rad(&self, parameters: &Parameters, speed_m_s: f64) -> f64 {
-        let share = self.trust(speed_m_s);
-        share * -parameters[DOWN] + (1.0 - share) * self.pitch_rad
-    }
-
-    fn trust(&self, speed_m_s: f64) -> f64 {
-        let config = &self.config.rotation;
-        let (pitches, bumps) = (speed_m_s * config.pitch_sigma_rad, config.bump_sigma_m_s.max(1e-6));
-        pitches * pitches / (pitches * pitches + bumps * bumps)
-    }
-
-    fn learn_pitch(&mut self, parameters: &Parameters, dt_s: f64) {
-        let trust = self.speed_m_s.map_or(0.0, |speed_m_s| self.trust(speed_m_s));
-        self.pitch_images += trust;
-        let share = (dt_s / self.config.rotation.pitch_memory_s.max(dt_s)).max(self.pitch_images.max(1.0).recip());
-        self.pitch_rad += trust * share * (-parameters[DOWN] - self.pitch_rad);
     }
 }
 

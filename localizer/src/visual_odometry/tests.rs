@@ -81,9 +81,14 @@ fn drive(speed_m_s: f64, yaw_rate_rad_s: f64, pitch_rad: f64) -> Vec<Option<Odom
 
 #[test]
 fn speed_and_turn_are_read_from_the_images() {
-    for (speed_m_s, yaw_rate_rad_s, pitch_rad) in
-        [(8.0, 0.0, 0.0), (12.0, 0.0, 0.02), (25.0, 0.0, 0.0), (10.0, -0.05, 0.01)]
-    {
+    for (speed_m_s, yaw_rate_rad_s, pitch_rad) in [
+        (8.0, 0.0, 0.0),
+        (12.0, 0.0, 0.02),
+        (25.0, 0.0, 0.0),
+        (10.0, -0.05, 0.01),
+        (12.0, 0.0, 0.07),
+        (12.0, 0.0, -0.07),
+    ] {
         let steps = drive(speed_m_s, yaw_rate_rad_s, pitch_rad);
         assert!(steps[0].is_none());
         let last = steps.last().copied().flatten().unwrap();
@@ -92,6 +97,21 @@ fn speed_and_turn_are_read_from_the_images() {
         // To the right is negative.
         assert!((last.yaw_rate_rad_s + yaw_rate_rad_s).abs() < 0.01, "{yaw_rate_rad_s} rad/s: {steps:?}");
     }
+}
+
+#[test]
+fn a_road_that_goes_on_to_tell_another_speed_is_believed() {
+    let speed_m_s = |believed_after: usize| {
+        let mut config = VisualOdometryConfig::default();
+        // It takes the camera for level at first, and so the speed for another one.
+        (config.rotation.mounting_sigma_rad, config.road.usual_m_s) = (1e-4, 0.0);
+        config.road.believed_after = believed_after;
+        let mut odometer = odometer(&config);
+        let step = |i: i32| odometer.step(&image(1.2 * f64::from(i), 0.0, -0.07), 0.1 * f64::from(i));
+        (0..20).map(step).last().flatten().unwrap().speed_m_s.unwrap()
+    };
+    let (soon_m_s, never_m_s) = (speed_m_s(5), speed_m_s(1000));
+    assert!((soon_m_s - 12.0).abs() < 0.6 && (never_m_s - 12.0).abs() > 2.0, "{soon_m_s} m/s, {never_m_s} m/s");
 }
 
 #[test]

@@ -105,6 +105,7 @@ pub const LIMITS: &[Limits] = &[
     limits("visual_odometry.labels.*", 1e-4, 1000.0),
     range("visual_odometry.road.ahead_m", 1.0, 40.0),
     limits("visual_odometry.road.farthest_m", 1.0, 40.0),
+    range("visual_odometry.road.hidden_share", 0.0, 1.0),
     limits("visual_odometry.road.believed_after", 1.0, 1e6),
     limits("visual_odometry.road.half_width_m", 0.5, 8.0),
     limits("visual_odometry.road.pixel_m", 0.02, 0.5),

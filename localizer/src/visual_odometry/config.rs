@@ -121,6 +121,9 @@ pub struct RoadConfig {
     /// than half of that meanwhile, metres: farther off paint is a pixel high. What may be more
     /// is not told.
     pub farthest_m: f64,
+    /// Shares of the road ahead between which it is looked at so much farther off as is below
+    /// the image: less changes little, and what is left of more is too far off.
+    pub hidden_share: [f64; 2],
     /// To each side of the way that the vehicle goes on, metres: there is road.
     pub half_width_m: f64,
     /// Side of a pixel of the view, metres.
@@ -266,6 +269,17 @@ impl RoadConfig {
         let needed_m = near_m + 2.0 * most_m;
         (needed_m <= self.farthest_m.max(far_m)).then(|| Self { ahead_m: [near_m, far_m.max(needed_m)], ..*self })
     }
+
+    /// The same for images that show the road from this distance on, metres: as much more of
+    /// it as is below them, if that is neither little nor most of it.
+    #[must_use]
+    pub fn seen_from(&self, nearest_m: f64) -> Self {
+        let [near_m, far_m] = self.ahead_m;
+        let [least, most] = self.hidden_share.map(|share| share * (far_m - near_m));
+        let hidden_m = nearest_m - near_m;
+        let more_m = if (least..most).contains(&hidden_m) { hidden_m } else { 0.0 };
+        Self { ahead_m: [near_m, (far_m + more_m).min(self.farthest_m.max(far_m))], ..*self }
+    }
 }
 
 impl Default for RoadConfig {
@@ -273,6 +287,7 @@ impl Default for RoadConfig {
         Self {
             ahead_m: [5.0, 15.0],
             farthest_m: 25.0,
+            hidden_share: [0.15, 0.6],
             half_width_m: 2.5,
             pixel_m: 0.04,
             around_m: 0.5,

@@ -282,7 +282,7 @@ impl VisualOdometer {
     fn drive(&self, before: &GrayImage, parameters: &Parameters, dt_s: f64) -> Option<Shift> {
         let (image, _) = self.before.as_ref().filter(|_| self.sees_road)?;
         let ways_m = [-self.most_back_m(dt_s), self.most_m(dt_s)];
-        let config = &self.config.road.for_shifts_of(ways_m[1])?;
+        let config = &self.config.road.for_shifts_of(ways_m[1])?.seen_from(self.nearest_road_m(image.height()));
         let after_from_before = Motion::new(parameters).after_from_before;
         let shift = |speed_m_s: f64| {
             let bend_per_m = parameters[YAW] / least_way_m(speed_m_s * dt_s);
@@ -309,6 +309,12 @@ impl VisualOdometer {
             // How far to believe the direction, the speed says.
             None => shift(shift(config.usual_m_s)?.forward_m / dt_s),
         }
+    }
+
+    /// Distance of the nearest road in an image of so many rows, metres.
+    fn nearest_road_m(&self, rows: u32) -> f64 {
+        let below_rad = ((f64::from(rows) - self.camera.cy_px) / self.camera.fy_px).atan() + self.pitch.mean_rad;
+        if below_rad > 0.0 { self.camera_height_m / below_rad.tan() } else { f64::INFINITY }
     }
 
     /// How far it went, as points of known depth and the road say, metres; those that agree

@@ -40,6 +40,17 @@ fn what_may_be_farther_than_the_road_in_both_images_is_not_told() {
     assert!((road.for_shifts_of(9.0).unwrap().longest_shift_m() - 9.0).abs() < 1e-9);
 }
 
+#[test]
+fn as_much_more_of_the_road_is_looked_at_as_is_below_the_image() {
+    let road = RoadConfig::default();
+    let far_m = |nearest_m: f64| road.seen_from(nearest_m).ahead_m[1];
+    // Nearer than the road ahead, hardly farther, farther, and too far.
+    for (nearest_m, seen_m) in [(3.0, 15.0), (6.0, 15.0), (9.0, 19.0), (12.0, 15.0), (f64::INFINITY, 15.0)] {
+        assert!((far_m(nearest_m) - seen_m).abs() < 1e-9, "{nearest_m}");
+    }
+    assert!((road.for_shifts_of(10.0).unwrap().seen_from(10.0).ahead_m[1] - road.farthest_m).abs() < 1e-9);
+}
+
 /// What the camera sees `ahead_m` along a road, turned by `yaw_rad` to the right
 /// and pitched down by `pitch_rad`, between walls 8 m to each side.
 fn image(ahead_m: f64, yaw_rad: f64, pitch_rad: f64) -> Plane {

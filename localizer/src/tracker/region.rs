@@ -136,10 +136,14 @@ impl Region {
         }
     }
 
-    /// Takes in which way the road is driven, if a fix tells it.
+    /// Takes in which way the road is driven, if a fix tells it: it is headed as the one or as
+    /// the other.
     fn take_turned(&mut self, rough: &Rough, turned: Option<&Rough>, config: &Config) {
         let Some(turned) = turned else {
-            // It is headed as the one or as the other.
+            // Beside no road it tells no heading, either.
+            if rough.sigmas[4] > config.start.path_heading_sigma_rad {
+                return;
+            }
             let off_rad = |place: &State| local(&place.map_from_camera, &rough.map_from_camera)[4].abs();
             if let (Some(trusted), Some(turned)) = (&mut self.trusted, self.turned.take())
                 && off_rad(&turned) < off_rad(trusted)

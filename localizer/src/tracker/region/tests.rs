@@ -51,6 +51,11 @@ fn a_fix_that_tells_the_heading_decides_which_way_the_road_is_driven() {
     for (yaw_rad, is_turned) in [(3.0, true), (0.1, false)] {
         let (mut region, [along, _]) = headed_either_way(&config);
         let (fix, told) = fix(0.5);
+        // Beside no road one without a heading tells none.
+        let mut astray = told;
+        astray.sigmas[4] = PI / 2.0;
+        region.take(&GpsFix { heading: None, ..fix }, &astray, None, &config);
+        assert!(region.searched_turned(&config.gps).is_some());
         let told = Rough { map_from_camera: retract(&told.map_from_camera, &turn(yaw_rad)), ..told };
         region.take(&fix, &told, None, &config);
         let kept = region.searched(&config.gps).unwrap();

@@ -49,7 +49,7 @@ const SECTORS: usize = 720;
 
 /// One scan's look at something.
 struct Look {
-    at: usize,
+    thing: usize,
     scan: usize,
     /// Direction from the lidar to its middle, map (x, z).
     view: Vector2<f64>,
@@ -81,8 +81,8 @@ fn looked_through<T: Stands>(found: &[T], cloud: &Cloud, config: &LookConfig, li
     let mut looks: Vec<Look> = Vec::new();
     // By scan and sector: the looks that lie there.
     let mut sectors: Vec<Vec<u32>> = vec![Vec::new(); cloud.sensors.len() * SECTORS];
-    for (at, thing) in found.iter().enumerate() {
-        let (middle, radius_m) = (thing.middle(), thing.radius_m());
+    for (thing, standing) in found.iter().enumerate() {
+        let (middle, radius_m) = (standing.middle(), standing.radius_m());
         for (scan, sensor) in cloud.sensors.iter().enumerate() {
             let off = Vector2::new(middle.x - sensor.at_map.x, middle.y - sensor.at_map.z);
             let distance_m = off.norm();
@@ -94,7 +94,7 @@ fn looked_through<T: Stands>(found: &[T], cloud: &Cloud, config: &LookConfig, li
             for k in 0..=(last + SECTORS - first) % SECTORS {
                 sectors[scan * SECTORS + (first + k) % SECTORS].push(name);
             }
-            looks.push(Look { at, scan, view, distance_m });
+            looks.push(Look { thing, scan, view, distance_m });
         }
     }
     let count = |told: &mut [Told], p: &CloudPoint| {
@@ -105,7 +105,7 @@ fn looked_through<T: Stands>(found: &[T], cloud: &Cloud, config: &LookConfig, li
             let (look, told) = (&looks[*name as usize], &mut told[*name as usize]);
             let along = off.dot(&look.view);
             let behind_m = along - look.distance_m;
-            let thing = &found[look.at];
+            let thing = &found[look.thing];
             let radius_m = thing.radius_m();
             let within_m = config.within_m.max(radius_m);
             if behind_m < -within_m {
@@ -136,7 +136,7 @@ fn looked_through<T: Stands>(found: &[T], cloud: &Cloud, config: &LookConfig, li
     for (k, look) in looks.iter().enumerate() {
         let (on, through) = parts.iter().fold((0, 0), |sum, part| (sum.0 + part[k].on, sum.1 + part[k].through));
         let weight = cloud.view_weight[look.scan];
-        let (all, looked_through) = &mut share[look.at];
+        let (all, looked_through) = &mut share[look.thing];
         if on > 0 {
             *all += weight;
         } else if through >= config.fewest_beams {

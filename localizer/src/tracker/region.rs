@@ -99,8 +99,8 @@ impl Region {
         if let Some((_, since_s)) = &mut self.heard {
             *since_s += dt_s;
         }
-        let told = self.former.iter_mut().chain(&mut self.told);
-        self.trusted.iter_mut().chain(&mut self.turned).chain(told).for_each(&mut drive);
+        let others = self.former.iter_mut().chain(&mut self.told);
+        self.trusted.iter_mut().chain(&mut self.turned).chain(others).for_each(&mut drive);
     }
 
     /// How fast the vehicle went from the last fix to this one, m/s. Before
@@ -136,26 +136,24 @@ impl Region {
         }
     }
 
-    /// Takes in which way the road is driven, if a fix tells it: it is headed as the one or as
-    /// the other.
+    /// Takes in which way the road is driven, or that a fix leaves it open.
     fn take_turned(&mut self, rough: &Rough, turned: Option<&Rough>, config: &Config) {
-        let Some(turned) = turned else {
+        match (turned, &mut self.turned) {
+            (Some(turned), Some(place)) => take_in(place, turned),
+            (Some(turned), place) if self.trusted.is_none() => *place = Some(unknown_speed(turned, config)),
             // Beside no road it tells no heading, either.
-            if rough.sigmas[4] > config.start.path_heading_sigma_rad {
-                return;
-            }
-            let off_rad = |place: &State| local(&place.map_from_camera, &rough.map_from_camera)[4].abs();
-            if let (Some(trusted), Some(turned)) = (&mut self.trusted, self.turned.take())
-                && off_rad(&turned) < off_rad(trusted)
-            {
-                *trusted = turned;
-            }
-            return;
-        };
-        match &mut self.turned {
-            Some(place) => take_in(place, turned),
-            place if self.trusted.is_none() => *place = Some(unknown_speed(turned, config)),
+            (None, _) if rough.sigmas[4] <= config.start.path_heading_sigma_rad => self.decide_heading(rough),
             _ => {}
+        }
+    }
+
+    /// Keeps the way to drive the road that a heading is nearer to.
+    fn decide_heading(&mut self, rough: &Rough) {
+        let off_rad = |place: &State| local(&place.map_from_camera, &rough.map_from_camera)[4].abs();
+        if let (Some(trusted), Some(turned)) = (&mut self.trusted, self.turned.take())
+            && off_rad(&turned) < off_rad(trusted)
+        {
+            *trusted = turned;
         }
     }
 }
@@ -216,7 +214,7 @@ impl Tracker<'_> {
             let speed_m_s = shown_m_s.unwrap_or_else(|| self.region.speed_to(fix));
             let heading = fix.heading_at(speed_m_s, &self.config.gps);
             let rough = self.rough_from(fix, heading)?;
-            let turned = if heading.is_none() { self.turned(fix, &rough)? } else { None };
+            let turned = if heading.is_none() { self.rough_turned(fix, &rough)? } else { None };
             self.region.take(fix, &rough, turned.as_ref(), &self.config);
             self.hold_against(fix);
         }
@@ -251,7 +249,7 @@ impl Tracker<'_> {
 
     /// The belief of a fix that tells no heading, if the road beside it is driven against the
     /// survey; none beside no road, where every heading is as good.
-    fn turned(&mut self, fix: &GpsFix, rough: &Rough) -> Result<Option<Rough>> {
+    fn rough_turned(&mut self, fix: &GpsFix, rough: &Rough) -> Result<Option<Rough>> {
         let start = &self.config.start;
         if self.map.path_within(&self.sight.candidates.roads, &fix.position_map, start.path_reach_m).is_none() {
             return Ok(None);

@@ -81,6 +81,13 @@ fn a_frame_that_fits_all_as_well_leaves_what_was_known_of_them() {
     assert!((won + lasting).abs() < 0.2 && handicap < 2.0, "{won} {handicap}");
 }
 
+/// Moves hypotheses that were told so much on by a frame, in place of all that are tracked.
+fn predict_of(tracker: &mut Tracker<'_>, was_ever_ok: bool, told: impl Iterator<Item = Hypothesis>) {
+    tracker.verdict = tracker.verdict.map(|verdict| Verdict { was_ever_ok, ..verdict });
+    tracker.bank = told.collect();
+    tracker.predict(0.1, &Believed::default());
+}
+
 #[test]
 fn what_a_frame_says_of_a_third_tells_two_hypotheses_not_apart() {
     let world = World::new(street());
@@ -89,14 +96,12 @@ fn what_a_frame_says_of_a_third_tells_two_hypotheses_not_apart() {
     let best = tracker.bank.remove(0);
     // Of three it fits two as well, and the third not at all.
     let mut predict = |was_ever_ok: bool, count: usize| {
-        tracker.verdict = tracker.verdict.map(|verdict| Verdict { was_ever_ok, ..verdict });
-        tracker.bank.clear();
-        for (past_weight, evidence) in [(0.0, 7.0), (-6.0, 7.0), (-6.0, -3.0)].into_iter().take(count) {
+        let told = [(0.0, 7.0), (-6.0, 7.0), (-6.0, -3.0)].into_iter().take(count).map(|(past_weight, evidence)| {
             let mut one = best.clone();
             (one.past_weight, one.evidence, one.handicap) = (past_weight, evidence, 5.0);
-            tracker.bank.push(one);
-        }
-        tracker.predict(0.1, &Believed::default());
+            one
+        });
+        predict_of(&mut tracker, was_ever_ok, told);
         let lead = |other: &Hypothesis| (tracker.bank[0].past_weight - other.past_weight, other.handicap);
         tracker.bank.iter().map(lead).collect::<Vec<_>>()
     };
@@ -119,14 +124,12 @@ fn frames_from_one_place_count_little_once_one_was_trusted() {
     let best = tracker.bank.remove(0);
     // How far another one falls back that a frame speaks against, by the way to it.
     let mut fallen = |way_m: f64, was_ever_ok: bool| {
-        tracker.verdict = tracker.verdict.map(|verdict| Verdict { was_ever_ok, ..verdict });
-        tracker.bank.clear();
-        for evidence in [7.0, 2.0] {
+        let told = [7.0, 2.0].map(|evidence| {
             let mut one = best.clone();
             (one.past_weight, one.evidence, one.way_m) = (0.0, evidence, way_m);
-            tracker.bank.push(one);
-        }
-        tracker.predict(0.1, &Believed::default());
+            one
+        });
+        predict_of(&mut tracker, was_ever_ok, told.into_iter());
         tracker.bank[0].past_weight - tracker.bank[1].past_weight
     };
     let whole = 5.0 * BankConfig::default().memory;

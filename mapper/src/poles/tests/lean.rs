@@ -8,14 +8,20 @@ fn leaning(x: f64, z: f64, height_m: f64, lean: f64) -> (Point3<f64>, Point3<f64
     (foot, foot + nalgebra::Vector3::new(lean * height_m, -height_m, 0.0))
 }
 
-#[test]
-fn short_posts_stand_as_the_long_ones_do() {
+/// A street with masts to its left at these places along it, that lean by so much.
+fn with_masts(along_m: [f64; 4], lean: f64) -> Street {
     let mut street = Street::new();
-    // The first camera is rolled by 1.7 degrees, and so is all that stands.
-    for z in [12.0, 22.0, 32.0, 42.0] {
-        let (foot, top) = leaning(-5.0, z, 5.0, 0.03);
+    for z in along_m {
+        let (foot, top) = leaning(-5.0, z, 5.0, lean);
         street.add_cylinder(foot, top, 0.06);
     }
+    street
+}
+
+#[test]
+fn short_posts_stand_as_the_long_ones_do() {
+    // The first camera is rolled by 1.7 degrees, and so is all that stands.
+    let mut street = with_masts([12.0, 22.0, 32.0, 42.0], 0.03);
     let (foot, top) = leaning(4.0, 27.0, 0.9, 0.03);
     street.add_cylinder(foot, top, 0.05);
     let poles = found(street);
@@ -26,11 +32,7 @@ fn short_posts_stand_as_the_long_ones_do() {
 
 #[test]
 fn one_pole_that_leans_by_eight_degrees_keeps_its_lean() {
-    let mut street = Street::new();
-    for z in [12.0, 20.0, 36.0, 44.0] {
-        let (foot, top) = leaning(-5.0, z, 5.0, 0.0);
-        street.add_cylinder(foot, top, 0.06);
-    }
+    let mut street = with_masts([12.0, 20.0, 36.0, 44.0], 0.0);
     let (foot, top) = leaning(5.0, 28.0, 4.0, 0.14);
     street.add_cylinder(foot, top, 0.06);
     let poles = found(street);

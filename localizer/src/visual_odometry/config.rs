@@ -139,6 +139,9 @@ pub struct RoadConfig {
     /// Hardest braking, m/s^2, with what the speeds are off by: a speed that no
     /// vehicle gets to from the last is none.
     pub hardest_m_s2: f64,
+    /// Hardest speeding up, m/s^2, with what the speeds are off by: how much farther than at the
+    /// last speed it is looked for where images come seldom.
+    pub speeds_up_m_s2: f64,
     /// Speed at which the road is looked at while none is known, m/s: by it the direction of
     /// the motion is believed.
     pub usual_m_s: f64,
@@ -262,6 +265,17 @@ impl RoadConfig {
         0.5 * (self.ahead_m[1] - self.ahead_m[0])
     }
 
+    /// The same of as much of the road as can be looked at.
+    pub(super) fn farthest_shift_m(&self) -> f64 {
+        let [near_m, far_m] = self.ahead_m;
+        0.5 * (self.farthest_m.max(far_m) - near_m)
+    }
+
+    /// Whether images come so seldom that the fastest vehicle goes further between two of them.
+    pub(super) fn are_seldom(&self, dt_s: f64) -> bool {
+        self.fastest_m_s * dt_s > self.longest_shift_m()
+    }
+
     /// The same with as much of the road as shifts of so many metres ask for; none where that
     /// is more than can be seen.
     pub fn for_shifts_of(&self, most_m: f64) -> Option<Self> {
@@ -294,6 +308,7 @@ impl Default for RoadConfig {
             fastest_m_s: 45.0,
             fastest_back_m_s: 3.0,
             hardest_m_s2: 20.0,
+            speeds_up_m_s2: 7.0,
             usual_m_s: 10.0,
             believed_after: 5,
             least_shared: 0.3,

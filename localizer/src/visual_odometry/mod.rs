@@ -17,6 +17,7 @@ mod pitch;
 mod road;
 mod rotation;
 mod scale;
+mod speed;
 mod tracks;
 
 use common::geometry::PinholeCamera;
@@ -31,6 +32,7 @@ use pitch::Pitch;
 use road::{Road, Shift, View};
 use rotation::{ASIDE, Belief, DOWN, Fit, Motion, Parameters, Track, YAW, fit};
 use scale::Scale;
+use speed::{Speed, Verdict};
 use tracks::Follower;
 
 use crate::odometry::Odometry;
@@ -48,10 +50,14 @@ const FAR_M: f64 = 30.0;
 /// Speeds that are tried while none is known are so far apart, m/s: by how much
 /// the points of the road may be off from where they are looked for.
 const TRIED_M_S: f64 = 8.0;
-/// How much more than in the image before it may have turned, radians, where the points
-/// cannot be followed otherwise: they are found some 50 pixels from where they are looked
-/// for, and who enters a bend, or missed an image there, turns by more.
-const TRIED_TURNS_RAD: [f64; 3] = [0.0, 0.06, -0.06];
+/// How much more than in the image before it may have turned, radians a second, where the
+/// points cannot be followed otherwise: who enters a bend, or missed an image there.
+const TRIED_RAD_S: f64 = 0.6;
+/// Turns that are tried then are so far apart, radians: points are found some 50 pixels from
+/// where they are looked for.
+const TRIED_RAD: f64 = 0.06;
+/// So many of them to each side at most.
+const MOST_TRIED: f64 = 5.0;
 /// Nearest that a way is taken as one, metres: who stands has no direction, and is told no
 /// depths.
 const LEAST_WAY_M: f64 = 0.1;
@@ -69,22 +75,13 @@ pub struct VisualOdometer {
     before: Option<(GrayImage, f64)>,
     /// The last turn about the camera's axes, right, down and forward.
     turn_rad_s: [f64; 3],
-    speed_m_s: Option<f64>,
-    /// Time since that speed was seen, seconds.
-    unseen_s: f64,
-    /// The last speed that the road showed clearly, believed or not, and when,
-    /// seconds.
-    shown: Option<(f64, f64)>,
-    /// Since that the images could not be followed: it says nothing of the next.
-    was_astray: bool,
+    speed: Speed,
     pace: Pace,
     /// Share of the usual time between two images before which one comes too soon.
     soonest: f64,
     /// The last image came too soon: when it was taken is not known.
     time_is_unknown: bool,
     pitch: Pitch,
-    /// Images in a row in which the road showed a speed that cannot have followed the last.
-    contradicting: usize,
     grade: Grade,
     fall: Fall,
     scale: Scale,
@@ -102,15 +99,11 @@ impl VisualOdometer {
             follower: Follower::new(config.tracks),
             before: None,
             turn_rad_s: [0.0; 3],
-            speed_m_s: None,
-            unseen_s: 0.0,
-            shown: None,
-            was_astray: false,
+            speed: Speed::default(),
             pace: Pace::default(),
             soonest,
             time_is_unknown: false,
             pitch: Pitch::default(),
-            contradicting: 0,
             grade: Grade::new(&config.road),
             fall: Fall::new(&config.road),
             scale: Scale::default(),
@@ -158,14 +151,16 @@ impl VisualOdometer {
         self.pace.tick(dt_s);
         let is_timed = !(std::mem::replace(&mut self.time_is_unknown, is_too_soon) || is_too_soon);
         let Some((fit, tracks)) = self.turn_from_any(&before, dt_s) else {
-            (self.turn_rad_s, self.speed_m_s, self.unseen_s, self.was_astray) = ([0.0; 3], None, 0.0, true);
+            self.turn_rad_s = [0.0; 3];
+            self.speed.lose();
             return None;
         };
         let parameters = fit.parameters;
         self.turn_rad_s = std::array::from_fn(|i| parameters[i] / dt_s);
+        self.speed.advance(dt_s, &self.config.road);
         let shift = self.drive(&before, &parameters, dt_s);
-        self.unseen_s += dt_s;
-        let (way_m, road) = (self.speed_m_s.unwrap_or(0.0) * dt_s, &self.config.road);
+        let road = &self.config.road;
+        let way_m = self.speed.known_m_s().unwrap_or(0.0) * dt_s;
         self.grade.advance(way_m, road);
         self.fall.advance(way_m, road);
         let road_m = shift.filter(|shift| self.is_believed(shift, time_s, dt_s)).map(|shift| {
@@ -174,11 +169,11 @@ impl VisualOdometer {
             shift.forward_m / stretch
         });
         let speed_m_s = self.way_m(&fit, tracks, road_m).map(|way_m| way_m / dt_s);
-        let speed_m_s = speed_m_s.filter(|speed_m_s| self.is_next(*speed_m_s));
-        if speed_m_s.is_some() {
-            (self.speed_m_s, self.unseen_s) = (speed_m_s, 0.0);
+        let speed_m_s = speed_m_s.filter(|speed_m_s| self.speed.is_next(*speed_m_s, &self.config.road));
+        if let Some(speed_m_s) = speed_m_s {
+            self.speed.know(speed_m_s);
         }
-        if let Some(speed_m_s) = self.speed_m_s {
+        if let Some(speed_m_s) = self.speed.known_m_s() {
             self.pitch.learn(-parameters[DOWN], speed_m_s, dt_s, &self.config.rotation);
         }
         let [pitch_rad_s, yaw_rad_s, roll_rad_s] = self.turn_rad_s;
@@ -189,11 +184,10 @@ impl VisualOdometer {
     /// The rotation and the direction of the motion since `before`: from another turn than
     /// the last if it has to be, and at worst without the points that were followed on.
     fn turn_from_any(&mut self, before: &GrayImage, dt_s: f64) -> Option<(Fit, Vec<Track>)> {
-        let tried = if self.speed_m_s.is_some() { &TRIED_TURNS_RAD[..] } else { &TRIED_TURNS_RAD[..1] };
         let is_later = dt_s > 0.0;
         if is_later {
             self.follower.find(before);
-            if let Some(found) = tried.iter().find_map(|more_rad| self.turn(*more_rad, dt_s)) {
+            if let Some(found) = tried_turns_rad(dt_s).find_map(|more_rad| self.turn(more_rad, dt_s)) {
                 return Some(found);
             }
         }
@@ -208,7 +202,8 @@ impl VisualOdometer {
     /// The same from a turn that is so much more than the last, as at the last speed, or at
     /// that of some on which most points agree.
     fn turn(&mut self, more_rad: f64, dt_s: f64) -> Option<(Fit, Vec<Track>)> {
-        if let Some(speed_m_s) = self.speed_m_s {
+        let speed_m_s = self.speed.known_m_s().or((more_rad != 0.0).then_some(self.config.road.usual_m_s));
+        if let Some(speed_m_s) = speed_m_s {
             return self.turn_at(speed_m_s, more_rad, dt_s);
         }
         let tried = (self.config.road.fastest_m_s / TRIED_M_S) as u32;
@@ -246,7 +241,7 @@ impl VisualOdometer {
             farthest: 0.0,
         };
         // Back only where the points do not go forward: one that may do both tells less.
-        let back = (self.most_back_m(dt_s) / NEAR_M).min(MOST_SHARE);
+        let back = (self.speed.most_back_m(dt_s, &self.config.road) / NEAR_M).min(MOST_SHARE);
         let ways = if back > 0.0 { &[0.0, back][..] } else { &[0.0] };
         let sigma = config.sigma_px / self.camera.fx_px;
         for &farthest in ways {
@@ -258,31 +253,13 @@ impl VisualOdometer {
         None
     }
 
-    /// How far it can have gone back in this time, metres: not at all where it
-    /// went forward faster than it brakes.
-    fn most_back_m(&self, dt_s: f64) -> f64 {
-        let road = &self.config.road;
-        let most_m_s = self.speed_m_s.map_or(f64::INFINITY, |speed_m_s| road.hardest_m_s2 * dt_s - speed_m_s);
-        most_m_s.clamp(0.0, road.fastest_back_m_s) * dt_s
-    }
-
-    /// How far it can have gone in this time, metres.
-    fn most_m(&self, dt_s: f64) -> f64 {
-        let road = &self.config.road;
-        let most_m_s = self.speed_m_s.map_or(f64::INFINITY, |speed_m_s| speed_m_s + road.hardest_m_s2 * self.unseen_s);
-        // At the usual rates all speeds are looked for, whatever the last one was.
-        if road.fastest_m_s * dt_s <= road.longest_shift_m() {
-            return road.fastest_m_s * dt_s;
-        }
-        most_m_s.min(road.fastest_m_s) * dt_s
-    }
-
     /// How far it went since `before`; none where that may be more than the road that is in
     /// both images: the best of what is left would be a wrong way.
     fn drive(&self, before: &GrayImage, parameters: &Parameters, dt_s: f64) -> Option<Shift> {
         let (image, _) = self.before.as_ref().filter(|_| self.sees_road)?;
-        let ways_m = [-self.most_back_m(dt_s), self.most_m(dt_s)];
-        let config = &self.config.road.for_shifts_of(ways_m[1])?.seen_from(self.nearest_road_m(image.height()));
+        let road = &self.config.road;
+        let ways_m = [-self.speed.most_back_m(dt_s, road), self.speed.most_m(dt_s, road)];
+        let config = &road.for_shifts_of(ways_m[1])?.seen_from(self.nearest_road_m(image.height()));
         let after_from_before = Motion::new(parameters).after_from_before;
         let shift = |speed_m_s: f64| {
             let bend_per_m = parameters[YAW] / least_way_m(speed_m_s * dt_s);
@@ -304,7 +281,7 @@ impl VisualOdometer {
                 config,
             )
         };
-        match self.speed_m_s {
+        match self.speed.known_m_s() {
             Some(speed_m_s) => shift(speed_m_s),
             // How far to believe the direction, the speed says.
             None => shift(shift(config.usual_m_s)?.forward_m / dt_s),
@@ -336,39 +313,22 @@ impl VisualOdometer {
         Some(way_m)
     }
 
-    /// Whether the road tells a speed at all, and one that can have followed the
-    /// last, and the last that it showed: what is seen twice is no chance, and the
-    /// times of both are good. Where it goes on to tell another one, the last was wrong,
-    /// and so are the depths of the points that tell it.
+    /// Whether a speed that the road shows is believed: where the last was wrong, so are the
+    /// depths of the points that told it.
     fn is_believed(&mut self, shift: &Shift, time_s: f64, dt_s: f64) -> bool {
-        let config = &self.config.road;
-        let least_lead = config.least_lead * (1.0 - shift.correlation);
-        if shift.correlation < config.least_correlation || shift.lead < least_lead {
-            return false;
-        }
-        let speed_m_s = shift.forward_m / dt_s;
-        let was_astray = std::mem::take(&mut self.was_astray);
-        let shown = self.shown.replace((speed_m_s, time_s));
-        let follows = |(last_m_s, last_s): (f64, f64)| self.follows(speed_m_s, last_m_s, time_s - last_s);
-        let is_steady = !was_astray && shown.is_some_and(follows);
-        let contradicts = is_steady && !self.is_next(speed_m_s);
-        self.contradicting = if contradicts { self.contradicting + 1 } else { 0 };
-        if self.contradicting >= config.believed_after {
-            (self.contradicting, self.speed_m_s, self.unseen_s) = (0, None, 0.0);
+        let verdict = self.speed.hear(shift, time_s, dt_s, &self.config.road);
+        if verdict == Verdict::BelievedInstead {
             self.scale = Scale::default();
-            return true;
         }
-        is_steady && !contradicts
+        verdict != Verdict::Refused
     }
+}
 
-    /// Whether a speed can have followed the last one.
-    fn is_next(&self, speed_m_s: f64) -> bool {
-        self.speed_m_s.is_none_or(|last_m_s| self.follows(speed_m_s, last_m_s, self.unseen_s))
-    }
-
-    fn follows(&self, speed_m_s: f64, last_m_s: f64, after_s: f64) -> bool {
-        (speed_m_s - last_m_s).abs() <= self.config.road.hardest_m_s2 * after_s
-    }
+/// The turns in such a time that are tried besides the last, radians, the least first.
+fn tried_turns_rad(dt_s: f64) -> impl Iterator<Item = f64> {
+    let steps = (TRIED_RAD_S * dt_s / TRIED_RAD).round().clamp(1.0, MOST_TRIED);
+    let both = |step: i32| [f64::from(step) * TRIED_RAD, -f64::from(step) * TRIED_RAD];
+    std::iter::once(0.0).chain((1..=steps as i32).flat_map(both))
 }
 
 /// The way as one that has a direction.

@@ -273,3 +273,32 @@ fn who_turns_off_at_once_is_followed() {
         assert!((turn_rad_s + 10.0 * yaw_rad).abs() < 0.05, "{steps:?}");
     }
 }
+
+/// What is told of images at these places, metres and radians, of which one comes every
+/// `step_s`.
+fn told_every(step_s: f64, places: impl Iterator<Item = (f64, f64)>) -> Vec<Option<Odometry>> {
+    let mut odometer = odometer(&VisualOdometryConfig::default());
+    let step =
+        |(i, (ahead_m, yaw_rad)): (usize, (f64, f64))| odometer.step(&image(ahead_m, yaw_rad, 0.0), i as f64 * step_s);
+    places.enumerate().map(step).collect()
+}
+
+#[test]
+fn of_images_that_come_seldom_the_speed_is_told_once_it_goes_on_to_be_shown() {
+    // Two and a half a second, of which the road shows 25 m/s at most.
+    let steps = told_every(0.4, (0..14).map(|i| (3.2 * f64::from(i), 0.0)));
+    let speeds = speeds_m_s(&steps);
+    assert!(speeds.len() >= 5 && speeds.len() <= 9, "{steps:?}");
+    assert!(speeds.iter().all(|speed_m_s| (speed_m_s - 8.0).abs() < 0.3), "{speeds:?}");
+    // Faster than that nothing is shown.
+    let steps = told_every(0.4, (0..14).map(|i| (13.0 * f64::from(i), 0.0)));
+    assert!(speeds_m_s(&steps).is_empty(), "{steps:?}");
+}
+
+#[test]
+fn who_turns_by_much_from_one_image_to_the_next_is_followed() {
+    let yaw_rad = |i: i32| 0.24 * f64::from((i - 8).clamp(0, 1));
+    let steps = told_every(0.5, (0..10).map(|i| (1.0 * f64::from(i), yaw_rad(i))));
+    let last = steps[9].unwrap();
+    assert!((last.yaw_rate_rad_s + 0.48).abs() < 0.02, "{steps:?}");
+}

@@ -280,8 +280,8 @@ impl RoadConfig {
     /// is more than can be seen.
     pub fn for_shifts_of(&self, most_m: f64) -> Option<Self> {
         let [near_m, far_m] = self.ahead_m;
-        let needed_m = near_m + 2.0 * most_m;
-        (needed_m <= self.farthest_m.max(far_m)).then(|| Self { ahead_m: [near_m, far_m.max(needed_m)], ..*self })
+        let ahead_m = [near_m, far_m.max(near_m + 2.0 * most_m)];
+        (most_m <= self.farthest_shift_m()).then_some(Self { ahead_m, ..*self })
     }
 
     /// The same for images that show the road from this distance on, metres: as much more of

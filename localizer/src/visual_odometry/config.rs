@@ -146,7 +146,8 @@ pub struct RoadConfig {
     /// the motion is believed.
     pub usual_m_s: f64,
     /// After so many images in a row in which the road goes on to show a speed that cannot have
-    /// followed the last, that was wrong.
+    /// followed the last, that was wrong; and so many have to go on to show the first, where
+    /// images come so seldom that it may be more than the road shows.
     pub believed_after: usize,
     /// Share of the road that is seen at least in both views: a few pixels
     /// correlate by chance.

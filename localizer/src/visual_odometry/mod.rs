@@ -32,7 +32,7 @@ use pitch::Pitch;
 use road::{Road, Shift, View};
 use rotation::{ASIDE, Belief, DOWN, Fit, Motion, Parameters, Track, YAW, fit};
 use scale::Scale;
-use speed::{Speed, Verdict};
+use speed::{Speed, Told};
 use tracks::Follower;
 
 use crate::odometry::Odometry;
@@ -187,8 +187,12 @@ impl VisualOdometer {
         let is_later = dt_s > 0.0;
         if is_later {
             self.follower.find(before);
-            if let Some(found) = tried_turns_rad(dt_s).find_map(|more_rad| self.turn(more_rad, dt_s)) {
-                return Some(found);
+            let speed_m_s = self.speed.known_m_s().unwrap_or(self.config.road.usual_m_s);
+            let found = self.turn(dt_s);
+            let mut tried = tried_turns_rad(dt_s);
+            let found = found.or_else(|| tried.find_map(|more_rad| self.turn_at(speed_m_s, more_rad, dt_s)));
+            if found.is_some() {
+                return found;
             }
         }
         self.scale = Scale::default();
@@ -196,22 +200,21 @@ impl VisualOdometer {
             return None;
         }
         self.follower.find(before);
-        self.turn(0.0, dt_s)
+        self.turn(dt_s)
     }
 
-    /// The same from a turn that is so much more than the last, as at the last speed, or at
-    /// that of some on which most points agree.
-    fn turn(&mut self, more_rad: f64, dt_s: f64) -> Option<(Fit, Vec<Track>)> {
-        let speed_m_s = self.speed.known_m_s().or((more_rad != 0.0).then_some(self.config.road.usual_m_s));
-        if let Some(speed_m_s) = speed_m_s {
-            return self.turn_at(speed_m_s, more_rad, dt_s);
+    /// The same from the last turn, as at the last speed, or at that of some on which most
+    /// points agree.
+    fn turn(&mut self, dt_s: f64) -> Option<(Fit, Vec<Track>)> {
+        if let Some(speed_m_s) = self.speed.known_m_s() {
+            return self.turn_at(speed_m_s, 0.0, dt_s);
         }
         let tried = (self.config.road.fastest_m_s / TRIED_M_S) as u32;
-        let found = (0..=tried).filter_map(|i| self.turn_at(f64::from(i) * TRIED_M_S, more_rad, dt_s));
+        let found = (0..=tried).filter_map(|i| self.turn_at(f64::from(i) * TRIED_M_S, 0.0, dt_s));
         found.max_by_key(|(fit, _)| fit.agree)
     }
 
-    /// The same at about this speed.
+    /// The same at about this speed, from a turn that is so much more than the last.
     fn turn_at(&mut self, speed_m_s: f64, more_rad: f64, dt_s: f64) -> Option<(Fit, Vec<Track>)> {
         let config = &self.config.rotation;
         let way_m = speed_m_s * dt_s;
@@ -316,19 +319,20 @@ impl VisualOdometer {
     /// Whether a speed that the road shows is believed: where the last was wrong, so are the
     /// depths of the points that told it.
     fn is_believed(&mut self, shift: &Shift, time_s: f64, dt_s: f64) -> bool {
-        let verdict = self.speed.hear(shift, time_s, dt_s, &self.config.road);
-        if verdict == Verdict::BelievedInstead {
+        let told = self.speed.hear(shift, time_s, dt_s, &self.config.road);
+        if told == Told::AnotherSpeed {
             self.scale = Scale::default();
         }
-        verdict != Verdict::Refused
+        told != Told::Nothing
     }
 }
 
-/// The turns in such a time that are tried besides the last, radians, the least first.
+/// How much more than in the image before it is tried to have turned in such a time, radians,
+/// the least first.
 fn tried_turns_rad(dt_s: f64) -> impl Iterator<Item = f64> {
     let steps = (TRIED_RAD_S * dt_s / TRIED_RAD).round().clamp(1.0, MOST_TRIED);
     let both = |step: i32| [f64::from(step) * TRIED_RAD, -f64::from(step) * TRIED_RAD];
-    std::iter::once(0.0).chain((1..=steps as i32).flat_map(both))
+    (1..=steps as i32).flat_map(both)
 }
 
 /// The way as one that has a direction.

@@ -22,13 +22,13 @@ pub(super) struct Speed {
     contradicting: usize,
 }
 
-/// What to make of a speed that the road shows.
+/// What the road tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Verdict {
-    Refused,
-    Believed,
-    /// Believed, and what was known was wrong.
-    BelievedInstead,
+pub(super) enum Told {
+    Nothing,
+    Speed,
+    /// One that cannot have followed the last, which was wrong.
+    AnotherSpeed,
 }
 
 impl Speed {
@@ -74,15 +74,15 @@ impl Speed {
         }
     }
 
-    /// Whether the road tells a speed at all, and one that can have followed the
-    /// last, and the last that it showed: what is seen twice is no chance, and the
+    /// What a shift of the road tells: whether it is a speed at all, and one that can have
+    /// followed the last, and the last that it showed: what is seen twice is no chance, and the
     /// times of both are good. Where it goes on to tell another one, the last was wrong,
     /// and so are the depths of the points that tell it. Where images come so seldom that the
     /// first may be more than the road shows, it has to go on to tell that, too.
-    pub fn hear(&mut self, shift: &Shift, time_s: f64, dt_s: f64, road: &RoadConfig) -> Verdict {
+    pub fn hear(&mut self, shift: &Shift, time_s: f64, dt_s: f64, road: &RoadConfig) -> Told {
         let least_lead = road.least_lead * (1.0 - shift.correlation);
         if shift.correlation < road.least_correlation || shift.lead < least_lead {
-            return Verdict::Refused;
+            return Told::Nothing;
         }
         let speed_m_s = shift.forward_m / dt_s;
         let was_astray = std::mem::take(&mut self.was_astray);
@@ -96,15 +96,38 @@ impl Speed {
         self.contradicting = if contradicts { self.contradicting + 1 } else { 0 };
         if self.contradicting >= road.believed_after {
             (self.contradicting, self.known_m_s, self.unseen_s) = (0, None, 0.0);
-            return Verdict::BelievedInstead;
+            return Told::AnotherSpeed;
         }
         let may_be_more = self.known_m_s.is_none() && road.fastest_m_s * dt_s > road.farthest_shift_m();
         let is_believed = if may_be_more { self.steady >= road.believed_after } else { is_steady && !contradicts };
-        if is_believed { Verdict::Believed } else { Verdict::Refused }
+        if is_believed { Told::Speed } else { Told::Nothing }
     }
 
     /// Whether a speed can have followed the last one.
     pub fn is_next(&self, speed_m_s: f64, road: &RoadConfig) -> bool {
         self.known_m_s.is_none_or(|last_m_s| (speed_m_s - last_m_s).abs() <= road.hardest_m_s2 * self.unseen_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_speed_is_looked_for_where_it_can_have_followed_the_last_until_that_is_long_ago() {
+        let road = RoadConfig::default();
+        let mut speed = Speed::default();
+        let looks_to = |speed: &Speed, dt_s: f64, way_m: f64| (speed.most_m(dt_s, &road) - way_m).abs() < 1e-9;
+        // At 10 Hz any speed is, at 2 Hz what the road shows.
+        assert!(looks_to(&speed, 0.1, 4.5) && looks_to(&speed, 0.5, 10.0));
+        speed.know(8.0);
+        speed.advance(0.5, &road);
+        // Half a second at 8 m/s and what it speeds up by.
+        assert!(looks_to(&speed, 0.1, 4.5) && looks_to(&speed, 0.5, 5.75));
+        assert!(speed.is_next(17.0, &road) && !speed.is_next(19.0, &road));
+        speed.advance(1.5, &road);
+        assert!(speed.known_m_s().is_some());
+        speed.advance(0.5, &road);
+        assert!(speed.known_m_s().is_none() && looks_to(&speed, 0.5, 10.0));
     }
 }

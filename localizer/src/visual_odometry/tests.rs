@@ -274,31 +274,29 @@ fn who_turns_off_at_once_is_followed() {
     }
 }
 
-/// What is told of images at these places, metres and radians, of which one comes every
-/// `step_s`.
-fn told_every(step_s: f64, places: impl Iterator<Item = (f64, f64)>) -> Vec<Option<Odometry>> {
-    let mut odometer = odometer(&VisualOdometryConfig::default());
-    let step =
-        |(i, (ahead_m, yaw_rad)): (usize, (f64, f64))| odometer.step(&image(ahead_m, yaw_rad, 0.0), i as f64 * step_s);
-    places.enumerate().map(step).collect()
-}
-
 #[test]
 fn of_images_that_come_seldom_the_speed_is_told_once_it_goes_on_to_be_shown() {
     // Two and a half a second, of which the road shows 25 m/s at most.
-    let steps = told_every(0.4, (0..14).map(|i| (3.2 * f64::from(i), 0.0)));
-    let speeds = speeds_m_s(&steps);
-    assert!(speeds.len() >= 5 && speeds.len() <= 9, "{steps:?}");
+    let told_of = |step_m: f64| {
+        let image = |i: i32| (4.0 * f64::from(i), step_m * f64::from(i));
+        speeds_m_s(&steps_of(&(0..14).map(image).collect::<Vec<_>>()))
+    };
+    let speeds = told_of(3.2);
+    assert!(speeds.len() >= 5 && speeds.len() <= 9, "{speeds:?}");
     assert!(speeds.iter().all(|speed_m_s| (speed_m_s - 8.0).abs() < 0.3), "{speeds:?}");
     // Faster than that nothing is shown.
-    let steps = told_every(0.4, (0..14).map(|i| (13.0 * f64::from(i), 0.0)));
-    assert!(speeds_m_s(&steps).is_empty(), "{steps:?}");
+    let speeds = told_of(13.0);
+    assert!(speeds.is_empty(), "{speeds:?}");
 }
 
 #[test]
 fn who_turns_by_much_from_one_image_to_the_next_is_followed() {
-    let yaw_rad = |i: i32| 0.29 * f64::from((i - 8).clamp(0, 1));
-    let steps = told_every(0.5, (0..10).map(|i| (1.0 * f64::from(i), yaw_rad(i))));
-    let last = steps[9].unwrap();
-    assert!((last.yaw_rate_rad_s + 0.58).abs() < 0.02, "{steps:?}");
+    let mut odometer = odometer(&VisualOdometryConfig::default());
+    // At 2 m/s, two images a second: it turns before the last.
+    let mut step = |i: i32| {
+        let yaw_rad = if i < 9 { 0.0 } else { 0.29 };
+        odometer.step(&image(f64::from(i), yaw_rad, 0.0), 0.5 * f64::from(i))
+    };
+    let last = (0..10).map(&mut step).last().flatten().unwrap();
+    assert!((last.yaw_rate_rad_s + 0.58).abs() < 0.02, "{last:?}");
 }

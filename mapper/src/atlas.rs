@@ -12,6 +12,7 @@ use common::map::decode_with_layout;
 pub use inspection::AtlasInspection;
 
 use crate::error::{Error, Result};
+use crate::frames::{self, OneFrame};
 use crate::outputs;
 
 /// A map that goes into an atlas, with what tells it from others.
@@ -33,7 +34,7 @@ struct Source {
 /// say.
 ///
 /// # Errors
-/// Inputs that cannot be read or are no maps, that are the same, or that do not
+/// Inputs that cannot be read or are no maps, that are the same, of several frames, or do not
 /// fit together; an output that cannot be written.
 pub fn make(
     inputs: &[PathBuf],
@@ -45,9 +46,11 @@ pub fn make(
     let sources = sources(inputs)?;
     outputs::check(&[("--out", out)], sources.iter().map(|source| &*source.path))?;
     let mut builder = AtlasBuilder::new(out, options);
+    let mut frame = OneFrame::default();
     for (done, source) in sources.iter().enumerate() {
         progress(done, sources.len());
         let bytes = std::fs::read(&source.path).map_err(common::Error::io(&source.path))?;
+        frame.add(&source.path, frames::beside(&source.path, &bytes))?;
         let (map, layout) = decode_with_layout(&bytes).map_err(common::Error::in_file(&source.path))?;
         builder.add(&map, layout.quantum_m).map_err(common::Error::in_file(&source.path))?;
     }

@@ -295,9 +295,39 @@ pub enum Error {
         /// What is wrong with it.
         what: String,
     },
-    /// A place on the Earth for a format that has none.
-    #[error("the paper's text holds local metres only: leave --origin away, or export as CSV or GeoJSON")]
-    OriginUnused,
+    /// Other coordinates for a format that has the map's.
+    #[error(
+        "the paper's text has the map's own coordinates only: leave --origin and --coordinates away, or export as CSV or GeoJSON"
+    )]
+    MapFrameOnly,
+    /// A map of whose place in the survey's world nothing is known.
+    #[error(
+        "{}: nothing beside it says where it is in its survey's world; put the report of its build there ({}), or leave --coordinates away",
+        map.display(),
+        report.display()
+    )]
+    NoSurveyFrame {
+        /// The map.
+        map: PathBuf,
+        /// Where its report would be.
+        report: PathBuf,
+    },
+    /// Maps that are not in one frame.
+    #[error(
+        "{} is {frame}, and {} is {other_frame}: their metres are not of one frame; build them with the same --reduce, and drives of KITTI raw as --scans with poses in one world",
+        map.display(),
+        other.display()
+    )]
+    FramesApart {
+        /// A map.
+        map: PathBuf,
+        /// Its frame, for people.
+        frame: String,
+        /// Another map.
+        other: PathBuf,
+        /// Its frame.
+        other_frame: String,
+    },
     /// A file of sources that is not that of the map beside it.
     #[error("{}: {reason}; remove it to merge {} as it is, or merge its maps again", path.display(), map.display())]
     BadSources {

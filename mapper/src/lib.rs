@@ -21,6 +21,7 @@ pub mod error;
 pub mod evidence;
 pub mod export;
 mod extent;
+mod frames;
 pub mod fuse;
 pub mod grid;
 pub mod ground;

@@ -19,7 +19,7 @@ use crate::budget::{Counts, Known, reduce};
 use crate::config::Config;
 use crate::drive::Drive;
 use crate::error::{Error, Result};
-use crate::export::{CloudCount, CloudFile};
+use crate::export::{CloudCount, CloudFile, Coordinates, Frame};
 use crate::inspect::{build_text, count_text, road_length_m};
 use crate::lidar::measured;
 use crate::outputs::{self, Output};
@@ -43,9 +43,13 @@ pub struct Build {
     #[arg(long, value_name = "POSES.txt")]
     trajectory: Option<PathBuf>,
     /// Write the stitched cloud with a class per point (LAZ, or LAS where it is
-    /// named .las: x right, y forward, z up).
+    /// named .las).
     #[arg(long, value_name = "CLOUD.laz")]
     cloud: Option<PathBuf>,
+    /// Whose coordinates the cloud has, z up: the map's, or those of the survey, where its own
+    /// clouds lie.
+    #[arg(long, value_enum, default_value_t, requires = "cloud")]
+    coordinates: Coordinates,
     #[command(flatten)]
     config: ConfigArgs,
     /// Most bytes that the map may have: of landmarks that do not fit, those
@@ -140,7 +144,11 @@ impl Build {
         let poses = if drive.has_single_scans() { self.poses } else { PoseSource::Given };
 
         let (mut scans, mut blind) = (ScanCounts::default(), Vec::new());
-        let mut cloud = self.cloud.as_deref().map(|path| CloudFile::create(path, config)).transpose()?;
+        let frame = match self.coordinates {
+            Coordinates::Map => Frame::Local(Some(drive.frame)),
+            Coordinates::Survey => Frame::Survey(drive.frame),
+        };
+        let mut cloud = self.cloud.as_deref().map(|path| CloudFile::create(path, config, frame)).transpose()?;
         let bar = progress();
         let Built { map, registration, evidence } = build(&drive, poses, config, |window| {
             // Windows overlap: a scan counts where it is seen first.

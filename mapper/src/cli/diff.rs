@@ -9,6 +9,7 @@ use super::{ConfigArgs, Outcome, print, print_json};
 use crate::diff::{DiffConfig, LIMITS, MapDiff};
 use crate::error::Result;
 use crate::extent;
+use crate::frames::{self, OneFrame};
 
 /// Say what changed from one map to another, one line for each landmark; exit
 /// with 1 if anything did.
@@ -45,6 +46,11 @@ impl Diff {
         let (Some(config), Some(old), Some(new)) = (config, &self.old, &self.new) else {
             return Ok(Outcome::Done);
         };
+        let mut frame = OneFrame::default();
+        for map in [old, new] {
+            let bytes = std::fs::read(map).map_err(common::Error::io(map))?;
+            frame.add(map, frames::beside(map, &bytes))?;
+        }
         let diff = MapDiff::of(&extent::read(old)?, &extent::read(new)?, &config);
         if self.json {
             print_json(&diff)?;

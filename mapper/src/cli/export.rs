@@ -7,10 +7,11 @@ use common::atomic_file;
 use common::map::SemanticMap;
 
 use super::{MapFile, Outcome, print};
-use crate::error::Result;
-use crate::export::{Format, Frame, Projection};
+use crate::error::{Error, Result};
+use crate::export::{Coordinates, Format, Frame, Projection};
+use crate::frames;
 use crate::outputs;
-use crate::report::read_beside;
+use crate::report::path_beside;
 
 /// Write a map in a format of other programs.
 #[derive(Debug, Args)]
@@ -23,10 +24,15 @@ pub struct Export {
     /// The format [default: as the extension of FILE says].
     #[arg(long, value_enum)]
     format: Option<Format>,
+    /// Whose coordinates are written: the map's, or those of the survey that it was built with,
+    /// z up, as the report of the build beside it says: of a national grid eastings, northings
+    /// and heights.
+    #[arg(long, value_enum, default_value_t, conflicts_with = "origin")]
+    coordinates: Coordinates,
     /// Where the map's origin is on the Earth (WGS 84), degrees and metres;
     /// heading: bearing of the map's z axis clockwise from north [default: 0],
     /// pitch: how far it points up, roll: tilt to the right. Without it
-    /// coordinates are local metres: x right, y forward, z up; the file says
+    /// coordinates are metres: by default x right, y forward, z up; the file says
     /// what they are of the survey's, where the report of the build beside the
     /// map does.
     #[arg(long, value_name = "LAT,LON,ALT[,HEADING[,PITCH,ROLL]]", allow_hyphen_values = true)]
@@ -44,19 +50,25 @@ impl Export {
         let format = self.format.map_or_else(|| Format::of(&self.out), Ok)?;
         let bytes = std::fs::read(&self.file.map).map_err(common::Error::io(&self.file.map))?;
         let map = SemanticMap::decode(&bytes).map_err(common::Error::in_file(&self.file.map))?;
-        let frame = if let Some(text) = &self.origin {
-            Frame::wgs84(text.parse()?, self.projection)
-        } else {
-            // A report that cannot be read, or that of another map, says nothing of this one.
-            let beside = read_beside(&self.file.map, &bytes).unwrap_or_default();
-            Frame::local_of(beside.own.and_then(|report| report.frame))
+        let frame = match (&self.origin, self.coordinates) {
+            (Some(text), _) => Frame::wgs84(text.parse()?, self.projection),
+            (None, Coordinates::Map) => Frame::Local(frames::beside(&self.file.map, &bytes)),
+            (None, Coordinates::Survey) => {
+                Frame::Survey(frames::beside(&self.file.map, &bytes).ok_or_else(|| self.no_survey_frame())?)
+            }
         };
         let text = format.text(&map, &frame)?;
         atomic_file::write(&self.out, text.as_bytes())?;
         print(&format!("{}: {} bytes, {}\n", self.out.display(), text.len(), frame.note()));
         if format == Format::Geojson && self.origin.is_none() {
-            print("GIS programs take GeoJSON for degrees: set local metres there, or give --origin\n");
+            let what = if self.coordinates == Coordinates::Survey { "the survey's grid" } else { "local metres" };
+            print(&format!("GIS programs take GeoJSON for degrees: set {what} there, or give --origin\n"));
         }
         Ok(Outcome::Done)
+    }
+
+    fn no_survey_frame(&self) -> Error {
+        let map = self.file.map.clone();
+        Error::NoSurveyFrame { report: path_beside(&map), map }
     }
 }

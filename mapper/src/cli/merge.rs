@@ -11,6 +11,7 @@ use serde::Serialize;
 use super::usage::peak_bytes;
 use super::{ConfigArgs, Outcome, print, print_json};
 use crate::error::Result;
+use crate::frames::OneFrame;
 use crate::inspect::{count_text, road_length_m};
 use crate::merge::{LIMITS, MergeConfig, MergeReport, Sources, merge, path_beside};
 use crate::outputs;
@@ -67,9 +68,10 @@ impl Merge {
         outputs::check(&[("--out", &**out), ("the sources beside the map", &*path_beside(out))], self.config.file())?;
         let started = Instant::now();
         let mut sources = Sources::default();
-        let (mut repeated, mut notes) = (0, Vec::new());
+        let (mut repeated, mut notes, mut frame) = (0, Vec::new(), OneFrame::default());
         for path in &self.maps {
             let added = sources.add_file(path)?;
+            frame.add(path, added.frame)?;
             repeated += added.repeated;
             notes.extend(added.note);
         }

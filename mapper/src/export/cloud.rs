@@ -15,7 +15,7 @@
 //! | 70 | paint of a lane line |
 //!
 //! Axes are x right, y forward, z up (map x, z, -y), for viewers take z for
-//! the height; metres in steps of 1 mm. Intensity is the reflectance, full
+//! the height, or those of the survey's world; metres in steps of 1 mm. Intensity is the reflectance, full
 //! scale 65535; the point source is the frame, 65535 for all later ones; the time
 //! is that of the frame.
 //!
@@ -38,6 +38,7 @@ use pasture_core::layout::attributes::{CLASSIFICATION, GPS_TIME, INTENSITY, POIN
 use pasture_core::nalgebra::Vector3 as PastureVector3;
 
 use super::classes::columns;
+use super::frame::Frame;
 use super::landmarks::LandmarkIndex;
 use crate::build::Window;
 use crate::config::Config;
@@ -52,6 +53,7 @@ const FARTHEST_M: f64 = 2.0e6;
 pub struct CloudFile {
     path: PathBuf,
     config: Config,
+    frame: Frame,
     /// Points until the map is whole, a [`Waiting`] each: a file without a
     /// name, which the system removes.
     waiting: BufWriter<File>,
@@ -82,14 +84,15 @@ struct Waiting {
 const WAITING_BYTES: usize = 37;
 
 impl CloudFile {
-    /// Begins a file; `config` is that of the build.
+    /// Begins a file; `config` is that of the build, `frame` that of the coordinates: no
+    /// [`Frame::Earth`], whose degrees have no steps of metres.
     ///
     /// # Errors
     /// [`common::Error::Io`] where the folder of the file takes none.
-    pub fn create(path: &Path, config: &Config) -> Result<Self> {
+    pub fn create(path: &Path, config: &Config, frame: Frame) -> Result<Self> {
         let file = tempfile::tempfile_in(work_folder(path)).map_err(common::Error::io(path))?;
         let waiting = BufWriter::with_capacity(1 << 16, file);
-        Ok(Self { path: path.to_path_buf(), config: config.clone(), waiting, count: CloudCount::default() })
+        Ok(Self { path: path.to_path_buf(), config: config.clone(), frame, waiting, count: CloudCount::default() })
     }
 
     /// Adds the points that a window owns. `times_s` are the times of the
@@ -135,7 +138,7 @@ impl CloudFile {
     /// [`Error::Cloud`] with what the writer says, and as
     /// [`common::atomic_file::stage_with`].
     pub fn finish(self, map: &SemanticMap) -> Result<(CloudCount, Staged)> {
-        let Self { path, config, waiting, count } = self;
+        let Self { path, config, frame, waiting, count } = self;
         let io = || common::Error::io(&path);
         let mut waiting = waiting.into_inner().map_err(|e| io()(e.into_error()))?;
         waiting.rewind().map_err(io())?;
@@ -143,11 +146,12 @@ impl CloudFile {
         let landmarks = LandmarkIndex::new(map, config.lanes.half_line_m);
         let target = tempfile::tempfile_in(work_folder(&path)).map_err(io())?;
         let mut whole = target.try_clone().map_err(io())?;
-        let mut writer = writer(BufWriter::new(target), is_plain(&path)).map_err(|e| fault(&path, &e))?;
+        let offset_m = frame.metres(&Point3::origin());
+        let mut writer = writer(BufWriter::new(target), &offset_m, is_plain(&path)).map_err(|e| fault(&path, &e))?;
         let mut bytes = [0; WAITING_BYTES];
         for _ in 0..count.written {
             waiting.read_exact(&mut bytes).map_err(io())?;
-            let point = Waiting::from_bytes(&bytes).point(&landmarks);
+            let point = Waiting::from_bytes(&bytes).point(&landmarks, &frame);
             writer.write_point(point).map_err(|e| fault(&path, &e))?;
         }
         writer.close().map_err(|e| fault(&path, &e))?;
@@ -189,11 +193,14 @@ impl Waiting {
         }
     }
 
-    fn point(&self, landmarks: &LandmarkIndex) -> las::Point {
+    fn point(&self, landmarks: &LandmarkIndex, frame: &Frame) -> las::Point {
         let [x, y, z] = self.position;
-        let id = landmarks.number(self.class, &Point3::new(x, -z, y));
+        let at_map = Point3::new(x, -z, y);
+        let id = landmarks.number(self.class, &at_map);
         // As the file will have it: its header tells the bounds of what it is given.
-        let [x, y, z] = self.position.map(|metres| (metres / STEP_M).round() * STEP_M);
+        let offset_m = frame.metres(&Point3::origin());
+        let steps = (frame.metres(&at_map) - offset_m).map(|metres| (metres / STEP_M).round());
+        let [x, y, z] = (offset_m + steps * STEP_M).into();
         las::Point {
             x,
             y,
@@ -215,13 +222,14 @@ fn is_plain(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("las"))
 }
 
-fn writer(target: BufWriter<File>, is_plain: bool) -> las::Result<Writer<BufWriter<File>>> {
-    let axis = Transform { scale: STEP_M, offset: 0.0 };
+/// The writer of a file whose coordinates are steps from `offset_m`.
+fn writer(target: BufWriter<File>, offset_m: &Point3<f64>, is_plain: bool) -> las::Result<Writer<BufWriter<File>>> {
+    let axis = |offset| Transform { scale: STEP_M, offset };
     let mut builder = Builder::from((1, 4));
     // No date: the same cloud is the same bytes tomorrow.
     builder.date = None;
     builder.generating_software = concat!("waymark mapper ", env!("CARGO_PKG_VERSION")).into();
-    builder.transforms = Vector { x: axis, y: axis, z: axis };
+    builder.transforms = Vector { x: axis(offset_m.x), y: axis(offset_m.y), z: axis(offset_m.z) };
     builder.vlrs.push(landmark_dimension());
     let mut format = Format::new(6)?;
     format.is_compressed = !is_plain;
@@ -249,6 +257,7 @@ fn fault(path: &Path, error: &las::Error) -> Error {
 mod tests {
     use super::super::classes::buffer;
     use super::*;
+    use crate::input::{MapFrame, SurveyFrame};
     use common::map::{Pole, PoleKind, RoadId};
 
     fn map() -> SemanticMap {
@@ -263,7 +272,7 @@ mod tests {
 
     fn written(folder: &Path, name: &str) -> (CloudCount, Vec<u8>) {
         let path = folder.join(name);
-        let mut file = CloudFile::create(&path, &Config::default()).unwrap();
+        let mut file = CloudFile::create(&path, &Config::default(), Frame::Local(None)).unwrap();
         let far = [1.0, f64::NAN, 2.5e6, f64::INFINITY, 1.0].map(|x| PastureVector3::new(x, 2.0, -3.0));
         let classes = [2, 64, 64, 64, 64];
         file.write(&buffer(&far, &[7; 5], &classes, &[5; 5], &[0.5; 5])).unwrap();
@@ -292,7 +301,7 @@ mod tests {
     fn the_header_has_the_bounds_of_the_points() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.las");
-        let mut file = CloudFile::create(&path, &Config::default()).unwrap();
+        let mut file = CloudFile::create(&path, &Config::default(), Frame::Local(None)).unwrap();
         let points = [24.612_6, -3.000_4].map(|x| PastureVector3::new(x, 2.000_7, x));
         file.write(&buffer(&points, &[7; 2], &[2; 2], &[5; 2], &[0.5; 2])).unwrap();
         file.finish(&map()).unwrap().1.commit().unwrap();
@@ -304,6 +313,28 @@ mod tests {
         for (said, is) in said.into_iter().zip([low.x, low.z, high.x, high.y, high.z]) {
             assert!((said - is).abs() < 1e-9, "{said} {is}");
         }
+    }
+
+    #[test]
+    fn a_cloud_in_a_national_grid_keeps_its_millimetres() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.laz");
+        let reduced_by_m = nalgebra::Vector3::new(450_000.0, 5_420_000.0, 100.0);
+        let frame = Frame::Survey(MapFrame::of_survey(SurveyFrame::Lidar, &reduced_by_m));
+        let mut file = CloudFile::create(&path, &Config::default(), frame).unwrap();
+        // On the second pole of the map, 1.1 m right, 2 m forward.
+        let at = PastureVector3::new(1.101, 2.002, -3.003);
+        file.write(&buffer(&[at], &[7], &[64], &[5], &[0.5])).unwrap();
+        file.finish(&map()).unwrap().1.commit().unwrap();
+        let mut reader = las::Reader::from_path(&path).unwrap();
+        let bounds = reader.header().bounds();
+        let point = reader.read_all().unwrap().points().next().unwrap().unwrap();
+        let off = [point.x - 450_002.002, point.y - 5_419_998.899, point.z - 96.997];
+        assert!(off.iter().all(|off_m| off_m.abs() < 1e-6), "{point:?}");
+        assert_eq!(point.extra_bytes[0], 2);
+        // The header rounds outwards, by a step at most.
+        let beyond = [point.x - bounds.min.x, bounds.max.x - point.x, point.y - bounds.min.y, bounds.max.y - point.y];
+        assert!(beyond.iter().all(|beyond_m| (-1e-6..1.5 * STEP_M).contains(beyond_m)), "{beyond:?}");
     }
 
     #[test]
@@ -342,7 +373,7 @@ mod tests {
     #[test]
     fn an_unfinished_file_leaves_nothing_behind() {
         let folder = tempfile::tempdir().unwrap();
-        drop(CloudFile::create(&folder.path().join("a.laz"), &Config::default()).unwrap());
+        drop(CloudFile::create(&folder.path().join("a.laz"), &Config::default(), Frame::Local(None)).unwrap());
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

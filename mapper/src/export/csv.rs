@@ -11,8 +11,11 @@ use super::frame::{DEGREE_DIGITS, Frame, METRE_DIGITS};
 /// which only signs have. A pole has two points, its foot and its top; a sign
 /// one, its centroid; a lane line its vertices.
 pub fn text(map: &SemanticMap, frame: &Frame) -> String {
-    let axes =
-        if frame.origin().is_some() { "longitude_deg,latitude_deg,altitude_m" } else { "x_right_m,y_forward_m,z_up_m" };
+    let axes = match frame {
+        Frame::Local(_) => "x_right_m,y_forward_m,z_up_m",
+        Frame::Survey(_) => "x_survey_m,y_survey_m,z_survey_m",
+        Frame::Earth(_) => "longitude_deg,latitude_deg,altitude_m",
+    };
     let mut out = format!("id,kind,road,point,{axes},size_m\n");
     let digits = if frame.origin().is_some() { DEGREE_DIGITS } else { METRE_DIGITS } as usize;
     let up_digits = METRE_DIGITS as usize;

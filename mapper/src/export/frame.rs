@@ -1,88 +1,11 @@
-//! The frame of exported coordinates: local metres, or the Earth.
+//! The frame of exported coordinates: local metres, the survey's world, or the Earth.
 
-use std::fmt;
-use std::str::FromStr;
-
-use common::geometry::PoseParameters;
 use common::kitti::Mercator;
 use map_3d::Ellipsoid;
 use nalgebra::{Point3, UnitQuaternion};
-use serde::{Deserialize, Serialize};
 
-use crate::error::Error;
+use super::origin::Origin;
 use crate::input::MapFrame;
-
-/// Where on the Earth the origin of a map is, and how its axes lie.
-///
-/// Written as `LAT,LON,ALT[,HEADING[,PITCH,ROLL]]`, degrees and metres.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Origin {
-    /// Latitude of the map's origin, WGS 84, degrees north.
-    pub latitude_deg: f64,
-    /// Longitude, degrees east.
-    pub longitude_deg: f64,
-    /// Height above the ellipsoid, metres: above sea level, if that is what
-    /// all other heights are, too.
-    pub altitude_m: f64,
-    /// Compass bearing of the map's z axis (forward), degrees clockwise from
-    /// north.
-    pub heading_deg: f64,
-    /// How far the z axis points up, degrees.
-    pub pitch_deg: f64,
-    /// How far the map is tilted to the right about its z axis, degrees.
-    pub roll_deg: f64,
-}
-
-impl FromStr for Origin {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self, Error> {
-        let wrong = |what: String| Error::BadOrigin { text: text.to_owned(), what };
-        let mut values = [0.0; 6];
-        let mut count = 0;
-        for word in text.split(',') {
-            let value = word.trim().parse::<f64>().ok().filter(|v| v.is_finite());
-            let value = value.ok_or_else(|| wrong(format!("`{word}` is not a finite number")))?;
-            if let Some(slot) = values.get_mut(count) {
-                *slot = value;
-            }
-            count += 1;
-        }
-        if ![3, 4, 6].contains(&count) {
-            return Err(wrong(format!("it has {count} numbers")));
-        }
-        let [latitude_deg, longitude_deg, altitude_m, heading_deg, pitch_deg, roll_deg] = values;
-        // At the poles there is no east.
-        if latitude_deg.abs() > 89.9 || longitude_deg.abs() > 180.0 {
-            return Err(wrong("the latitude must be within 89.9 and the longitude within 180 degrees".into()));
-        }
-        Ok(Self { latitude_deg, longitude_deg, altitude_m, heading_deg, pitch_deg, roll_deg })
-    }
-}
-
-impl fmt::Display for Origin {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let Self { latitude_deg, longitude_deg, altitude_m, heading_deg, pitch_deg, roll_deg } = self;
-        write!(f, "{latitude_deg},{longitude_deg},{altitude_m},{heading_deg},{pitch_deg},{roll_deg}")
-    }
-}
-
-impl Origin {
-    /// `enu_from_map` without its axes' names: east, down, north.
-    fn turn(&self) -> UnitQuaternion<f64> {
-        let parameters = PoseParameters {
-            x_m: 0.0,
-            y_m: 0.0,
-            z_m: 0.0,
-            // About the axis down: to the right, as a bearing.
-            yaw_rad: self.heading_deg.to_radians(),
-            pitch_rad: self.pitch_deg.to_radians(),
-            roll_rad: self.roll_deg.to_radians(),
-        };
-        parameters.to_pose().rotation
-    }
-}
 
 /// What the metres of a map's frame are on the Earth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
@@ -96,17 +19,31 @@ pub enum Projection {
     Mercator,
 }
 
+/// Whose coordinates are exported.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum Coordinates {
+    /// Those of the map, from its origin: x right, y forward, z up, metres.
+    #[default]
+    Map,
+    /// Those of the survey's world, with what they were reduced by: of a national grid eastings,
+    /// northings and heights.
+    Survey,
+}
+
 /// The frame of exported coordinates.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Frame {
-    placed: Option<Placed>,
-    /// What the report of the map's build says of its frame.
-    known: Option<MapFrame>,
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Frame {
+    /// Metres: x right, y forward, z up of the map's origin. With what is known of where that is.
+    Local(Option<MapFrame>),
+    /// Metres of the survey's world, z up.
+    Survey(MapFrame),
+    /// WGS 84.
+    Earth(Placed),
 }
 
 /// A map's frame on the Earth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Placed {
+pub struct Placed {
     origin: Origin,
     turn: UnitQuaternion<f64>,
     projection: Projection,
@@ -124,35 +61,26 @@ pub struct Geodetic {
 }
 
 impl Frame {
-    /// Local metres: x right, y forward, z up of the map's origin.
-    pub fn local() -> Self {
-        Self::default()
-    }
-
-    /// The same of a map of whose frame its build has said what is known.
-    pub fn local_of(known: Option<MapFrame>) -> Self {
-        Self { placed: None, known }
-    }
-
     /// WGS 84, of a map whose origin is there.
     pub fn wgs84(origin: Origin, projection: Projection) -> Self {
-        Self { placed: Some(Placed { origin, turn: origin.turn(), projection }), known: None }
+        Self::Earth(Placed { origin, turn: origin.turn(), projection })
     }
 
-    /// The place of the map's origin, if it is known.
+    /// The place of the map's origin on the Earth, if it is known.
     pub fn origin(&self) -> Option<&Origin> {
-        self.placed.as_ref().map(|placed| &placed.origin)
+        match self {
+            Self::Earth(placed) => Some(&placed.origin),
+            Self::Local(_) | Self::Survey(_) => None,
+        }
     }
 
-    /// A point of the map in metres: x east, y north, z up of its origin,
-    /// where that is known, else x right, y forward, z up.
+    /// A point of the map in metres, z up: x east, y north of its origin where that is known, in
+    /// the survey's world, or x right, y forward of its origin.
     pub fn metres(&self, map: &Point3<f64>) -> Point3<f64> {
-        let Some(Placed { origin, turn, projection }) = &self.placed else { return Point3::new(map.x, map.z, -map.y) };
-        let turned = turn * map;
-        let projected_m = Point3::new(turned.x, turned.z, -turned.y);
-        match projection {
-            Projection::Topocentric => projected_m,
-            Projection::Mercator => topocentric(origin, &projected_m),
+        match self {
+            Self::Local(_) => local(map),
+            Self::Survey(known) => known.survey_from_map(map),
+            Self::Earth(placed) => placed.metres(map),
         }
     }
 
@@ -167,11 +95,25 @@ impl Frame {
         Geodetic { latitude_deg: latitude_rad.to_degrees(), longitude_deg: longitude_rad.to_degrees(), altitude_m }
     }
 
+    /// The place on the Earth of a point of the map, for formats that want one. Where nobody
+    /// said it, the map's origin is at 0 N 0 E; heights are the survey's in its coordinates, for
+    /// these have them.
+    pub fn place(&self, map: &Point3<f64>) -> Geodetic {
+        match self {
+            Self::Local(_) | Self::Earth(_) => self.geodetic(&self.metres(map)),
+            Self::Survey(known) => {
+                let survey_m = known.survey_from_map(map);
+                let from_origin_m = survey_m - known.survey_from_map(&Point3::origin());
+                Geodetic { altitude_m: survey_m.z, ..self.geodetic(&from_origin_m.into()) }
+            }
+        }
+    }
+
     /// A point of the map as three rounded numbers, in the order of RFC 7946:
     /// longitude, latitude, altitude where the origin is known, else metres.
     pub fn position(&self, map: &Point3<f64>) -> [f64; 3] {
         let metres = self.metres(map);
-        if self.placed.is_none() {
+        if self.origin().is_none() {
             return [metres.x, metres.y, metres.z].map(|v| rounded(v, METRE_DIGITS));
         }
         let place = self.geodetic(&metres);
@@ -184,12 +126,13 @@ impl Frame {
 
     /// The frame in words, for people.
     pub fn note(&self) -> String {
-        match &self.placed {
-            None => {
-                let of = self.known.map_or_else(|| "of the map's own frame".into(), |known| known.note());
+        match self {
+            Self::Local(known) => {
+                let of = known.map_or_else(|| "of the map's own frame".into(), |known| known.note());
                 format!("local metres: x right, y forward, z up {of}")
             }
-            Some(Placed { origin: o, projection, .. }) => {
+            Self::Survey(known) => format!("metres of {}", known.survey_note()),
+            Self::Earth(Placed { origin: o, projection, .. }) => {
                 let metres = match projection {
                     Projection::Topocentric => "",
                     Projection::Mercator => ", and its metres are those of KITTI's development kit",
@@ -199,6 +142,22 @@ impl Frame {
                     o.latitude_deg, o.longitude_deg, o.altitude_m, o.heading_deg, o.pitch_deg, o.roll_deg
                 )
             }
+        }
+    }
+}
+
+/// Metres of a map, x right, y forward, z up of its origin.
+pub(super) fn local(map: &Point3<f64>) -> Point3<f64> {
+    Point3::new(map.x, map.z, -map.y)
+}
+
+impl Placed {
+    /// Metres east, north and up of the map's origin.
+    fn metres(&self, map: &Point3<f64>) -> Point3<f64> {
+        let projected_m = local(&(self.turn * map));
+        match self.projection {
+            Projection::Topocentric => projected_m,
+            Projection::Mercator => topocentric(&self.origin, &projected_m),
         }
     }
 }
@@ -246,7 +205,7 @@ mod tests {
         assert!(near(frame("49,8,100,90,90,0").metres(&ahead), [0.0, 0.0, 10.0]));
         // Tilted to the right: what was right goes down.
         assert!(near(frame("49,8,100,0,0,90").metres(&Point3::new(1.0, 0.0, 0.0)), [0.0, 0.0, -1.0]));
-        assert!(near(Frame::local().metres(&Point3::new(1.0, 2.0, 3.0)), [1.0, 3.0, -2.0]));
+        assert!(near(Frame::Local(None).metres(&Point3::new(1.0, 2.0, 3.0)), [1.0, 3.0, -2.0]));
     }
 
     #[test]
@@ -281,23 +240,9 @@ mod tests {
 
     #[test]
     fn of_local_metres_no_more_is_said_than_is_known() {
-        assert_eq!(Frame::local().note(), "local metres: x right, y forward, z up of the map's own frame");
-        let kitti = Frame::local_of(Some(MapFrame::of_first_camera(None)));
+        assert_eq!(Frame::Local(None).note(), "local metres: x right, y forward, z up of the map's own frame");
+        let kitti = Frame::Local(Some(MapFrame::of_first_camera(None)));
         assert!(kitti.note().ends_with("z up of camera 0 at the first frame of the survey"), "{}", kitti.note());
-    }
-
-    #[test]
-    fn an_origin_that_is_none_is_told() {
-        for (text, part) in [
-            ("49,8", "it has 2 numbers"),
-            ("49,8,1,2,3", "it has 5 numbers"),
-            ("49,x,1", "`x` is not a finite number"),
-            ("49,nan,1", "`nan` is not"),
-            ("95,8,1", "latitude must be within"),
-        ] {
-            let said = text.parse::<Origin>().unwrap_err().to_string();
-            assert!(said.contains(part) && said.contains("LAT,LON,ALT"), "{said}");
-        }
     }
 
     proptest! {

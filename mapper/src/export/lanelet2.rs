@@ -17,7 +17,8 @@
 //! `LocalCartesianProjector`, with the map's origin, makes metres east, north
 //! and up again. Without an origin they are made around 0 N 0 E, 0 m, with
 //! right for east and forward for north. The same metres east and north stand
-//! in the tags `local_x` and `local_y`, for Autoware's `local` projector. `ele`
+//! in the tags `local_x` and `local_y`, for Autoware's `local` projector; in the survey's
+//! coordinates these are its own, and `ele` its heights. Else `ele`
 //! is the altitude of the node, as `OpenStreetMap` has it and Lanelet2 needs it
 //! for metres up. Autoware takes it for these: there a map rises with the
 //! square of the distance from its origin, by 8 cm at 1 km, for the Earth falls
@@ -74,8 +75,7 @@ fn write(writer: &mut Writer<Vec<u8>>, ways: &[Way], map: &SemanticMap, frame: &
 }
 
 fn write_node(writer: &mut Writer<Vec<u8>>, id: usize, point: &Point3<f64>, frame: &Frame) -> std::io::Result<()> {
-    let enu_m = frame.metres(point);
-    let place = frame.geodetic(&enu_m);
+    let (place, enu_m) = (frame.place(point), frame.metres(point));
     let attributes =
         [("id", id.to_string()), ("lat", degrees(place.latitude_deg)), ("lon", degrees(place.longitude_deg))];
     let tags = [("ele", metres(place.altitude_m)), ("local_x", metres(enu_m.x)), ("local_y", metres(enu_m.y))];

@@ -9,6 +9,7 @@ mod frame;
 mod geojson;
 mod landmarks;
 mod lanelet2;
+mod origin;
 #[cfg(test)]
 mod tests;
 
@@ -17,13 +18,14 @@ use std::path::Path;
 use common::map::SemanticMap;
 
 pub use self::cloud::{CloudCount, CloudFile};
-pub use self::frame::{Frame, Origin, Projection};
+pub use self::frame::{Coordinates, Frame, Projection};
+pub use self::origin::Origin;
 use crate::error::{Error, Result};
 
 /// A format that a map can be written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
-    /// `GeoJSON` (RFC 7946): local metres, or WGS 84 with an origin.
+    /// `GeoJSON` (RFC 7946): metres, or WGS 84 with an origin.
     Geojson,
     /// `OpenStreetMap` XML with the tags of Lanelet2.
     Lanelet2,
@@ -52,15 +54,15 @@ impl Format {
     /// The map in this format.
     ///
     /// # Errors
-    /// [`Error::OriginUnused`] where a place on the Earth was given and the
-    /// format has none.
+    /// [`Error::MapFrameOnly`] where the format has the map's own coordinates
+    /// and others were asked for.
     pub fn text(self, map: &SemanticMap, frame: &Frame) -> Result<String> {
         match self {
             Self::Geojson => Ok(geojson::text(map, frame)),
             Self::Lanelet2 => Ok(lanelet2::text(map, frame)),
             Self::Csv => Ok(csv::text(map, frame)),
-            Self::Ascii if frame.origin().is_none() => Ok(common::map::ascii(map)),
-            Self::Ascii => Err(Error::OriginUnused),
+            Self::Ascii if matches!(frame, Frame::Local(_)) => Ok(common::map::ascii(map)),
+            Self::Ascii => Err(Error::MapFrameOnly),
         }
     }
 }

@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use common::map::{LaneKind, LaneLine, Pole, PoleKind, Road, RoadId, SemanticMap, Sign, SignKind};
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use quick_xml::events::Event;
 use quick_xml::reader::Reader;
 
 use super::*;
+use crate::input::{MapFrame, SurveyFrame};
 
 fn map() -> SemanticMap {
     let road = RoadId(0);
@@ -88,7 +89,7 @@ fn osm(text: &str) -> Osm {
 
 #[test]
 fn lanelet2_has_a_way_per_landmark_and_no_dangling_node() {
-    let text = Format::Lanelet2.text(&map(), &Frame::local()).unwrap();
+    let text = Format::Lanelet2.text(&map(), &Frame::Local(None)).unwrap();
     let osm = osm(&text);
     assert_eq!(osm.ways.keys().copied().collect::<Vec<_>>(), [1, 2, 3]);
     let used: Vec<i64> = osm.ways.values().flat_map(|(nodes, _)| nodes.clone()).collect();
@@ -101,7 +102,7 @@ fn lanelet2_has_a_way_per_landmark_and_no_dangling_node() {
     assert_eq!(tags(3, ["type", "subtype"]), ["line_thin", "dashed"]);
     let mut kerb = map();
     kerb.lanes[0].kind = LaneKind::Kerb;
-    let text = Format::Lanelet2.text(&kerb, &Frame::local()).unwrap();
+    let text = Format::Lanelet2.text(&kerb, &Frame::Local(None)).unwrap();
     assert!(text.contains("v=\"curbstone\"") && text.contains("v=\"low\""), "{text}");
     let of = |way: i64, point: usize| &osm.nodes[&osm.ways[&way].0[point]];
     assert_eq!((of(1, 0)["local_x"].as_str(), of(1, 0)["local_y"].as_str()), ("-4.500", "30.000"));
@@ -134,7 +135,7 @@ fn latitude_longitude_and_ele_lead_back_to_metres_east_north_and_up() {
 
 #[test]
 fn geojson_is_read_back_in_metres_and_in_degrees() {
-    for frame in [Frame::local(), wgs84()] {
+    for frame in [Frame::Local(None), wgs84()] {
         let text = Format::Geojson.text(&map(), &frame).unwrap();
         let read: ::geojson::FeatureCollection = text.parse::<::geojson::GeoJson>().unwrap().try_into().unwrap();
         assert_eq!(read.features.len(), 4);
@@ -158,7 +159,7 @@ fn geojson_is_read_back_in_metres_and_in_degrees() {
 
 #[test]
 fn csv_has_a_row_per_point() {
-    let text = Format::Csv.text(&map(), &Frame::local()).unwrap();
+    let text = Format::Csv.text(&map(), &Frame::Local(None)).unwrap();
     let expected = "\
 id,kind,road,point,x_right_m,y_forward_m,z_up_m,size_m
 1,lamp-post,0,0,-4.500,30.000,-1.600,
@@ -174,13 +175,34 @@ id,kind,road,point,x_right_m,y_forward_m,z_up_m,size_m
 }
 
 #[test]
+fn the_survey_s_world_is_exported_in_its_own_coordinates() {
+    let utm = Frame::Survey(MapFrame::of_survey(SurveyFrame::Lidar, &Vector3::new(450_000.0, 5_420_000.0, 100.0)));
+    let text = Format::Csv.text(&map(), &utm).unwrap();
+    let first: Vec<&str> = text.lines().take(2).collect();
+    let expected = [
+        "id,kind,road,point,x_survey_m,y_survey_m,z_survey_m,size_m",
+        "1,lamp-post,0,0,450030.000,5420004.500,98.400,",
+    ];
+    assert_eq!(first, expected);
+    let osm = osm(&Format::Lanelet2.text(&map(), &utm).unwrap());
+    let foot = &osm.nodes[&osm.ways[&1].0[0]];
+    let of = ["local_x", "local_y", "ele"].map(|key| foot[key].as_str());
+    assert_eq!(of, ["450030.000", "5420004.500", "98.400"]);
+    // Editors of such files need degrees: those of the metres from the map's origin.
+    let [lat, lon] = ["lat", "lon"].map(|key| foot[key].parse::<f64>().unwrap());
+    assert!((lat - 4.5 / 110_574.0).abs() < 1e-7 && (lon - 30.0 / 111_320.0).abs() < 1e-7, "{lat} {lon}");
+    let json = Format::Geojson.text(&map(), &utm).unwrap();
+    assert!(json.contains("450030.0,5420004.5,98.4") && json.contains("the survey's world"), "{json}");
+}
+
+#[test]
 fn an_empty_map_is_a_file_too() {
     for format in [Format::Geojson, Format::Lanelet2, Format::Csv, Format::Ascii] {
-        format.text(&SemanticMap::default(), &Frame::local()).unwrap();
+        format.text(&SemanticMap::default(), &Frame::Local(None)).unwrap();
     }
-    let text = Format::Geojson.text(&SemanticMap::default(), &Frame::local()).unwrap();
+    let text = Format::Geojson.text(&SemanticMap::default(), &Frame::Local(None)).unwrap();
     assert!(text.parse::<::geojson::GeoJson>().is_ok(), "{text}");
-    assert!(osm(&Format::Lanelet2.text(&SemanticMap::default(), &Frame::local()).unwrap()).ways.is_empty());
+    assert!(osm(&Format::Lanelet2.text(&SemanticMap::default(), &Frame::Local(None)).unwrap()).ways.is_empty());
 }
 
 #[test]
@@ -188,5 +210,5 @@ fn the_extension_says_the_format_and_an_unknown_one_is_told() {
     assert_eq!(Format::of(Path::new("a.OSM")).unwrap(), Format::Lanelet2);
     let said = Format::of(Path::new("a.shp")).unwrap_err().to_string();
     assert!(said.contains("a.shp") && said.contains("--format"), "{said}");
-    assert!(matches!(Format::Ascii.text(&map(), &wgs84()), Err(Error::OriginUnused)));
+    assert!(matches!(Format::Ascii.text(&map(), &wgs84()), Err(Error::MapFrameOnly)));
 }

@@ -1,11 +1,14 @@
 //! What places a map in the world, as its input tells: kept beside the map, in the report of
-//! its build, for whoever exports it.
+//! its build, for whoever exports it, and with the maps that a merged one was made of.
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::survey::SurveyFrame;
 use crate::export::Origin;
+
+/// What two frames are told apart by, metres: the step of a map's coordinates.
+const LEAST_APART_M: f64 = 0.01;
 
 /// The frame of a map.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -45,6 +48,53 @@ impl MapFrame {
             SurveyFrame::Lidar => World::ZUp,
         };
         Self { world, reduced_by_m: (*reduced_by_m).into(), origin: None }
+    }
+
+    /// The place in the survey's world, metres, of a point of the map. All worlds have z up
+    /// here, as clouds have it: of one with the axes of a camera x right, y forward, z up.
+    pub fn survey_from_map(&self, map: &Point3<f64>) -> Point3<f64> {
+        let [x, y, z] = self.reduced_by_m;
+        match self.world {
+            World::FirstCamera | World::CameraAxes => Point3::new(map.x + x, map.z + z, -(map.y + y)),
+            World::ZUp => Point3::new(map.z + x, y - map.x, z - map.y),
+        }
+    }
+
+    /// Whether the metres of two maps are those of one frame, as far as is known. One world may
+    /// be given with z up or with the axes of a camera.
+    pub fn may_be(&self, other: &Self) -> bool {
+        let is_one = |a: f64, b: f64| (a - b).abs() < LEAST_APART_M;
+        let origins = self.origin.zip(other.origin);
+        let [ours, others] = [self, other].map(Self::reduced_by_map_m);
+        ours.iter().zip(&others).all(|(a, b)| is_one(*a, *b)) && origins.is_none_or(|(ours, other)| ours == other)
+    }
+
+    /// What was taken off the survey's coordinates, along the axes of the map.
+    fn reduced_by_map_m(&self) -> [f64; 3] {
+        let [x, y, z] = self.reduced_by_m;
+        match self.world {
+            World::FirstCamera | World::CameraAxes => [x, y, z],
+            World::ZUp => [-y, -z, x],
+        }
+    }
+
+    /// The frame in a few words, for people: what tells it from another.
+    pub fn name(&self) -> String {
+        let [x, y, z] = self.reduced_by_m;
+        match (self.world, self.origin) {
+            (World::FirstCamera, Some(origin)) => format!("in the frame of a camera at {origin}"),
+            (World::FirstCamera, None) => "in the frame of its first camera".into(),
+            (World::CameraAxes | World::ZUp, _) => format!("reduced by ({x}, {y}, {z}) m"),
+        }
+    }
+
+    /// What the coordinates of [`Self::survey_from_map`] are, for people.
+    pub fn survey_note(&self) -> String {
+        match self.world {
+            World::FirstCamera => "camera 0 at the first frame of the survey: x right, y forward, z up".into(),
+            World::CameraAxes => "the survey's world, x right, y forward, z up".into(),
+            World::ZUp => "the survey's world, in its own coordinates X, Y, Z up".into(),
+        }
     }
 
     /// What local metres (x right, y forward, z up) are of the survey's, for people.
@@ -89,9 +139,11 @@ fn from(name: &str, metres: f64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
+    use super::super::survey::Placement;
     use super::*;
     use crate::export::Frame;
-    use nalgebra::Point3;
 
     #[test]
     fn the_note_says_what_exported_metres_are_of_the_surveys() {
@@ -100,12 +152,14 @@ mod tests {
         let utm = MapFrame::of_survey(SurveyFrame::Lidar, &reduced_by_m);
         assert!(utm.note().ends_with("(X, Y, Z up) make them (5420000 - Y, X - 450000, Z + 20)"), "{}", utm.note());
         let survey = Point3::new(map.z, -map.x, -map.y) + reduced_by_m;
-        let exported = Frame::local().metres(&map);
+        let exported = Frame::Local(None).metres(&map);
+        assert!((utm.survey_from_map(&map) - survey).norm() < 1e-6);
         let said = Point3::new(5_420_000.0 - survey.y, survey.x - 450_000.0, survey.z + 20.0);
         assert!((said - exported).norm() < 1e-6, "{said} {exported}");
         let camera = MapFrame::of_survey(SurveyFrame::Camera, &reduced_by_m);
         assert!(camera.note().ends_with("make them (X - 450000, Z + 20, 5420000 - Y)"), "{}", camera.note());
         let survey = map + reduced_by_m;
+        assert!((camera.survey_from_map(&map) - Point3::new(survey.x, survey.z, -survey.y)).norm() < 1e-6);
         let said = Point3::new(survey.x - 450_000.0, survey.z + 20.0, 5_420_000.0 - survey.y);
         assert!((said - exported).norm() < 1e-6, "{said} {exported}");
         let near = MapFrame::of_survey(SurveyFrame::Lidar, &Vector3::zeros());
@@ -117,5 +171,21 @@ mod tests {
         let origin: Origin = "49.0337,8.395,114.5,62,1,-2".parse().unwrap();
         let note = MapFrame::of_first_camera(Some(origin)).note();
         assert!(note.ends_with("at --origin 49.0337,8.395,114.5,62,1,-2 --projection mercator"), "{note}");
+    }
+
+    proptest! {
+        #[test]
+        fn a_point_of_a_cloud_comes_back_to_where_it_was(
+            (x, y, z) in (-2e4..2e4_f64, -2e4..2e4_f64, -500.0..500.0_f64),
+            (by_x, by_y, by_z) in (-6e6..6e6_f64, -6e6..6e6_f64, -100.0..100.0_f64),
+        ) {
+            for frame in [SurveyFrame::Lidar, SurveyFrame::Camera] {
+                let reduced_by_m = Vector3::new(by_x, by_y, by_z);
+                let placement = Placement::new(frame, None, None, Some(reduced_by_m)).unwrap();
+                let cloud = Point3::new(by_x + x, by_y + y, by_z + z);
+                let back = MapFrame::of_survey(frame, &reduced_by_m).survey_from_map(&placement.map_from_cloud(&cloud));
+                prop_assert!((back - cloud).norm() < 1e-6, "{back} {cloud}");
+            }
+        }
     }
 }

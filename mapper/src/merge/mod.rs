@@ -36,7 +36,7 @@ pub use align::State;
 pub use config::{AlignConfig, LIMITS, MergeConfig, SameRoadConfig, WitnessConfig};
 pub use report::{Counts, MergeReport, SourceReport};
 pub use roads::{Nearest, added_roads};
-pub use source::{Added, Source, Sources, path_beside};
+pub use source::{Added, Source, Sources, frame_beside, path_beside};
 
 use crate::fuse::{Fused, Sighting, fuse_lanes, fuse_poles, fuse_signs, length_m, sightings};
 use align::{Alignment, align};

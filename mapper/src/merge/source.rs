@@ -6,7 +6,8 @@
 //! merged map: `area.sources` beside `area.csm`.
 //!
 //! With a source goes what the report of its build knows of its poles and
-//! signs, so that a merge weighs them by it.
+//! signs, so that a merge weighs them by it, and of its frame, so that the merged
+//! map can be exported in the coordinates of the survey.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,23 +20,36 @@ use super::known;
 use crate::error::{Error, Result};
 use crate::evidence::{MapEvidence, PointCovariances};
 use crate::extent;
+use crate::input::MapFrame;
 use crate::report::{Beside, checksum, read_beside};
 
 /// The first bytes of a file of sources.
 const MAGIC: &[u8; 4] = b"CSMS";
 /// Version of that file.
-const VERSION: u8 = 2;
+const VERSION: u8 = 3;
+/// The version before it, which is read, too: it has no frames.
+const WITHOUT_FRAMES: u8 = 2;
 
-/// Map files, each once, in an order of their own, with the covariances of
-/// their points as bytes: none where they are not known.
+/// Map files, each once, in an order of their own, with what is known of them.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Sources(BTreeMap<Arc<[u8]>, Arc<[u8]>>);
+pub struct Sources(BTreeMap<Arc<[u8]>, Told>);
+
+/// What the report of a build tells of its map, as bytes: none where it does not.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+struct Told {
+    /// The covariances of its points.
+    known: Arc<[u8]>,
+    /// Its [`MapFrame`] as JSON.
+    frame: Arc<[u8]>,
+}
 
 /// What came of a map file that was added.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Added {
     /// Of its sources those that were there already.
     pub repeated: usize,
+    /// Its frame, or the one of all of its sources; none where they are of several, or do not say.
+    pub frame: Option<MapFrame>,
     /// Why the report beside it is passed over, for people.
     pub note: Option<String>,
 }
@@ -65,17 +79,20 @@ impl Sources {
         evidence: Option<&MapEvidence>,
         options: &EncodeOptions,
     ) -> Result<bool, common::Error> {
-        Ok(self.insert(map.encode(options)?.into(), known_bytes(map, evidence)))
+        let told = Told { known: known_bytes(map, evidence), frame: Arc::default() };
+        Ok(self.insert(map.encode(options)?.into(), told))
     }
 
-    /// Of a source that was given with several covariances those that come
+    /// Of a source that was given with several covariances, or frames, those that come
     /// last as bytes are kept, and any before none: so the order in which they
     /// were given does not matter.
-    fn insert(&mut self, bytes: Arc<[u8]>, known: Arc<[u8]>) -> bool {
+    fn insert(&mut self, bytes: Arc<[u8]>, told: Told) -> bool {
         let is_new = !self.0.contains_key(&bytes);
         let held = self.0.entry(bytes).or_default();
-        if known > *held {
-            *held = known;
+        for (held, told) in [(&mut held.known, told.known), (&mut held.frame, told.frame)] {
+            if told > *held {
+                *held = told;
+            }
         }
         is_new
     }
@@ -97,15 +114,14 @@ impl Sources {
                 let Beside { own, note } = read_beside(path, &bytes)?;
                 added.note = note;
                 let known = known_bytes(&map, own.as_ref().map(|report| &report.evidence));
-                [(bytes.into(), known)].into()
+                let frame = own.and_then(|report| report.frame).as_ref().map_or_else(Arc::default, frame_bytes);
+                Self([(bytes.into(), Told { known, frame })].into())
             }
-            read => {
-                Self::from_bytes(&read.map_err(common::Error::io(&beside))?, &bytes)
-                    .map_err(|reason| Error::BadSources { path: beside, map: path.to_path_buf(), reason })?
-                    .0
-            }
+            read => Self::from_bytes(&read.map_err(common::Error::io(&beside))?, &bytes)
+                .map_err(|reason| Error::BadSources { path: beside, map: path.to_path_buf(), reason })?,
         };
-        added.repeated = sources.into_iter().map(|(bytes, known)| usize::from(!self.insert(bytes, known))).sum();
+        added.frame = one_frame(sources.0.values().map(|told| &*told.frame));
+        added.repeated = sources.0.into_iter().map(|(bytes, told)| usize::from(!self.insert(bytes, told))).sum();
         Ok(added)
     }
 
@@ -118,10 +134,10 @@ impl Sources {
         let files: Vec<_> = self.0.iter().collect();
         let sources: Result<Vec<Source>, common::Error> = files
             .par_iter()
-            .map(|&(bytes, known)| {
+            .map(|&(bytes, told)| {
                 let quantum_m = layout(bytes)?.quantum_m;
                 let map = SemanticMap::decode(bytes)?;
-                let known = known::from_bytes(known, &map).unwrap_or_default();
+                let known = known::from_bytes(&told.known, &map).unwrap_or_default();
                 Ok(Source { crc32c: checksum(bytes), quantum_m, map, known })
             })
             .collect();
@@ -135,7 +151,7 @@ impl Sources {
 
     /// The bytes of the file of sources of a merged map: magic, version, length
     /// and checksum of the map; the number of sources, the length and the
-    /// bytes of each and of its covariances (all numbers of four bytes, the
+    /// bytes of each, of its covariances and of its frame (all numbers of four bytes, the
     /// lowest first); CRC-32C of all before.
     fn to_bytes(&self, map_bytes: &[u8]) -> Vec<u8> {
         let mut bytes = [&MAGIC[..], &[VERSION]].concat();
@@ -144,7 +160,7 @@ impl Sources {
         number(&mut bytes, map_bytes.len());
         number(&mut bytes, checksum(map_bytes) as usize);
         number(&mut bytes, self.0.len());
-        for part in self.0.iter().flat_map(|(source, known)| [source, known]) {
+        for part in self.0.iter().flat_map(|(source, told)| [source, &told.known, &told.frame]) {
             number(&mut bytes, part.len());
             bytes.extend_from_slice(part);
         }
@@ -155,42 +171,17 @@ impl Sources {
 
     /// The sources of this very map; else what is wrong.
     fn from_bytes(bytes: &[u8], map_bytes: &[u8]) -> Result<Self, String> {
-        let cut = || "it was cut off".to_owned();
-        let rest = bytes.strip_prefix(MAGIC).ok_or("it is no file of sources")?;
-        let (&version, _) = rest.split_first().ok_or_else(cut)?;
-        if version != VERSION {
-            return Err(format!("it has version {version}, and this program reads version {VERSION}"));
-        }
-        let (covered, crc) = bytes.split_last_chunk::<4>().ok_or_else(cut)?;
-        if u32::from_le_bytes(*crc) != crc32c::crc32c(covered) {
-            return Err("it is damaged".into());
-        }
-        let mut rest = covered.get(MAGIC.len() + 1..).ok_or_else(cut)?;
-        let number = |rest: &mut &[u8]| -> Result<u32, String> {
-            let (value, after) = rest.split_first_chunk::<4>().ok_or_else(cut)?;
-            *rest = after;
-            Ok(u32::from_le_bytes(*value))
-        };
-        let of_map = (number(&mut rest)? as usize, number(&mut rest)?);
-        if of_map != (map_bytes.len(), checksum(map_bytes)) {
-            return Err("it is about another map of that name".into());
-        }
         let mut sources = Self::default();
-        let count = number(&mut rest)?;
-        let mut part = || -> Result<&[u8], String> {
-            let length = number(&mut rest)? as usize;
-            let (part, after) = rest.split_at_checked(length).ok_or_else(cut)?;
-            rest = after;
-            Ok(part)
-        };
-        for _ in 0..count {
-            let (source, known) = (part()?, part()?);
+        for [source, known, frame] in parts(bytes, map_bytes)? {
             let map = SemanticMap::decode(source).map_err(|error| error.to_string())?;
             extent::check(&map, "a map in it").map_err(|error| error.to_string())?;
             if !known.is_empty() && known::from_bytes(known, &map).is_none() {
                 return Err("it has covariances of other landmarks than its map".into());
             }
-            sources.insert(source.into(), known.into());
+            if !frame.is_empty() && frame_from_bytes(frame).is_none() {
+                return Err("it has a frame that is none".into());
+            }
+            sources.insert(source.into(), Told { known: known.into(), frame: frame.into() });
         }
         Ok(sources)
     }
@@ -218,6 +209,63 @@ fn known_bytes(map: &SemanticMap, evidence: Option<&MapEvidence>) -> Arc<[u8]> {
     own.map_or_else(Arc::default, |evidence| known::to_bytes(&evidence.covariances()).into())
 }
 
+/// The parts of a file of sources, if it is that of this very map: of each its bytes, those of
+/// its covariances, and those of its frame.
+fn parts<'a>(bytes: &'a [u8], map_bytes: &[u8]) -> Result<Vec<[&'a [u8]; 3]>, String> {
+    let cut = || "it was cut off".to_owned();
+    let rest = bytes.strip_prefix(MAGIC).ok_or("it is no file of sources")?;
+    let (&version, _) = rest.split_first().ok_or_else(cut)?;
+    if ![WITHOUT_FRAMES, VERSION].contains(&version) {
+        return Err(format!("it has version {version}, and this program reads versions up to {VERSION}"));
+    }
+    let (covered, crc) = bytes.split_last_chunk::<4>().ok_or_else(cut)?;
+    if u32::from_le_bytes(*crc) != crc32c::crc32c(covered) {
+        return Err("it is damaged".into());
+    }
+    let mut rest = covered.get(MAGIC.len() + 1..).ok_or_else(cut)?;
+    let number = |rest: &mut &[u8]| -> Result<u32, String> {
+        let (value, after) = rest.split_first_chunk::<4>().ok_or_else(cut)?;
+        *rest = after;
+        Ok(u32::from_le_bytes(*value))
+    };
+    let of_map = (number(&mut rest)? as usize, number(&mut rest)?);
+    if of_map != (map_bytes.len(), checksum(map_bytes)) {
+        return Err("it is about another map of that name".into());
+    }
+    let count = number(&mut rest)?;
+    let mut part = || -> Result<&'a [u8], String> {
+        let length = number(&mut rest)? as usize;
+        let (part, after) = rest.split_at_checked(length).ok_or_else(cut)?;
+        rest = after;
+        Ok(part)
+    };
+    (0..count).map(|_| Ok([part()?, part()?, if version == WITHOUT_FRAMES { &[] } else { part()? }])).collect()
+}
+
+/// The frame of a merged map, by the sources beside it; none where what lies there is not that.
+pub fn frame_beside(map: &Path, map_bytes: &[u8]) -> Option<MapFrame> {
+    let sources = std::fs::read(path_beside(map)).ok()?;
+    one_frame(parts(&sources, map_bytes).ok()?.into_iter().map(|[_, _, frame]| frame))
+}
+
+/// The frame of all maps that say theirs, where that is one.
+fn one_frame<'a>(frames: impl Iterator<Item = &'a [u8]>) -> Option<MapFrame> {
+    let mut frames = frames.filter_map(frame_from_bytes);
+    let first = frames.next()?;
+    frames.all(|frame| frame == first).then_some(first)
+}
+
+/// A frame as bytes.
+fn frame_bytes(frame: &MapFrame) -> Arc<[u8]> {
+    // It has numbers and names only, all of which JSON has.
+    serde_json::to_vec(frame).unwrap_or_default().into()
+}
+
+/// The frame of such bytes; none where they are no frame.
+fn frame_from_bytes(bytes: &[u8]) -> Option<MapFrame> {
+    serde_json::from_slice(bytes).ok()
+}
+
 /// Where the sources of a merged map lie.
 pub fn path_beside(map: &Path) -> PathBuf {
     map.with_extension("sources")
@@ -229,6 +277,7 @@ mod tests {
 
     use super::*;
     use crate::evidence::EvidenceConfig;
+    use crate::input::SurveyFrame;
 
     fn map(note: &str) -> SemanticMap {
         SemanticMap { frame_note: note.into(), ..SemanticMap::default() }
@@ -277,13 +326,46 @@ mod tests {
     }
 
     #[test]
+    fn the_frame_of_the_sources_is_that_of_those_that_tell_one() {
+        let zone = |x| frame_bytes(&MapFrame::of_survey(SurveyFrame::Lidar, &nalgebra::Vector3::new(x, 0.0, 0.0)));
+        let of = |frames: &[Option<Arc<[u8]>>]| {
+            let mut sources = Sources::default();
+            for (frame, note) in frames.iter().zip(["a", "b", "c"]) {
+                let told = Told { frame: frame.clone().unwrap_or_default(), ..Told::default() };
+                sources.insert(map(note).encode(&EncodeOptions::default()).unwrap().into(), told);
+            }
+            let folder = tempfile::tempdir().unwrap();
+            let area = folder.path().join("area.csm");
+            sources.write(&area, b"m").unwrap();
+            frame_beside(&area, b"m").map(|frame| frame.reduced_by_m[0])
+        };
+        assert_eq!(of(&[None, Some(zone(1e4)), Some(zone(1e4))]), Some(1e4));
+        assert_eq!((of(&[Some(zone(1e4)), Some(zone(2e4))]), of(&[None, None])), (None, None));
+    }
+
+    #[test]
+    fn sources_of_the_version_before_are_read_without_frames() {
+        let source = map("a").encode(&EncodeOptions::default()).unwrap();
+        let mut bytes = [&MAGIC[..], &[WITHOUT_FRAMES]].concat();
+        for number in [10, checksum(b"merged map"), 1, source.len() as u32] {
+            bytes.extend_from_slice(&number.to_le_bytes());
+        }
+        bytes.extend_from_slice(&source);
+        bytes.extend_from_slice(&0_u32.to_le_bytes());
+        bytes.extend_from_slice(&crc32c::crc32c(&bytes).to_le_bytes());
+        let mut expected = Sources::default();
+        expected.add_map(&map("a"), None, &EncodeOptions::default()).unwrap();
+        assert_eq!(Sources::from_bytes(&bytes, b"merged map"), Ok(expected));
+    }
+
+    #[test]
     fn a_map_without_sources_beside_it_is_one() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csm");
         common::map::write(&path, &map("a"), &EncodeOptions::default()).unwrap();
         let mut sources = Sources::default();
-        assert_eq!(sources.add_file(&path).unwrap(), Added { repeated: 0, note: None });
-        assert_eq!(sources.add_file(&path).unwrap(), Added { repeated: 1, note: None });
+        assert_eq!(sources.add_file(&path).unwrap(), Added::default());
+        assert_eq!(sources.add_file(&path).unwrap(), Added { repeated: 1, ..Added::default() });
         assert_eq!(sources.0.len(), 1);
         let area = folder.path().join("area.csm");
         two().write(&area, &map("area").encode(&EncodeOptions::default()).unwrap()).unwrap();

@@ -92,34 +92,3 @@ fn a_survey_that_jumps_once_is_told_with_the_frames_of_the_jump() {
     let (said, report) = demo_with(|_, _| (), &[]);
     assert!(!said.contains("the survey jumps") && report["survey_jumps"].as_array().unwrap().is_empty(), "{said}");
 }
-
-#[test]
-fn what_places_a_map_in_the_world_is_kept_and_exported() {
-    let folder = tempfile::tempdir().unwrap();
-    let at = |name: &str| folder.path().join(name);
-    // The survey of the lidar in UTM: x east, which is forward here.
-    let truth = read_poses(DEMO.file("drive/truth/poses.txt")).unwrap();
-    let east = |pose: &Pose| {
-        let v = pose.translation.vector;
-        Pose::translation(450_123.0 + v.z, 5_420_456.0 - v.x, 114.0 - v.y)
-    };
-    write_poses(at("utm.txt"), &truth.iter().map(east).collect::<Vec<_>>()).unwrap();
-    let scans = DEMO.file("drive/sequences/00/velodyne");
-    let (survey, map) = (at("utm.txt"), at("a.csm"));
-    let words = ["build", "--scans", text(&scans), "--survey", text(&survey), "--out", text(&map), "--last", "20"];
-    run("mapper", &words).ok();
-    let report: serde_json::Value =
-        serde_json::from_str(&std::fs::read_to_string(at("a.build.json")).unwrap()).unwrap();
-    assert_eq!(report["frame"]["world"], "z-up");
-    assert_eq!(report["frame"]["reduced_by_m"], serde_json::json!([450_000.0, 5_420_000.0, 0.0]));
-    let note = |map: &Path| {
-        let out = at("a.geojson");
-        run("mapper", &["export", text(map), "--out", text(&out)]).ok();
-        let json: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(out).unwrap()).unwrap();
-        json["frame"].as_str().unwrap().to_owned()
-    };
-    assert!(note(&map).contains("make them (5420000 - Y, X - 450000, Z)"), "{}", note(&map));
-    assert!(note(&DEMO.file("street.csm")).contains("of camera 0 at the first frame of the survey"));
-    std::fs::remove_file(at("a.build.json")).unwrap();
-    assert!(note(&map).ends_with("of the map's own frame"), "{}", note(&map));
-}

@@ -37,7 +37,11 @@ fn what_cannot_be_exported_is_told_and_leaves_no_file() {
     refused("map.shp", &[], &["map.shp", "the extension says no format", "--format"]);
     refused("map.osm", &["--origin", "49,8"], &["--origin 49,8", "it has 2 numbers", "LAT,LON,ALT"]);
     refused("map.osm", &["--origin", "-91,8,0"], &["latitude must be within"]);
-    refused("map.txt", &["--origin", "49,8,0"], &["local metres only"]);
+    refused("map.txt", &["--origin", "49,8,0"], &["the map's own coordinates only"]);
+    refused("map.txt", &["--coordinates", "survey"], &["the map's own coordinates only"]);
+    let both =
+        run("mapper", &["export", text(&map), "--out", "m.csv", "--coordinates", "survey", "--origin", "49,8,0"]);
+    assert!(both.code == 2 && both.err.contains("cannot be used with"), "{both:?}");
     let alone = run("mapper", &["export", text(&map), "--out", "map.osm", "--projection", "mercator"]);
     assert!(alone.code == 2 && alone.err.contains("--origin <LAT,LON,ALT"), "{alone:?}");
 }

@@ -28,4 +28,5 @@ mod real_kitti;
 mod refined_poses;
 mod settings;
 mod support;
+mod survey_frame;
 mod worlds;

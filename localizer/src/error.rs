@@ -25,6 +25,12 @@ pub enum Error {
         /// The option.
         option: &'static str,
     },
+    /// A TUM file without the times of the frames.
+    #[error("{}: its lines have times, and nothing says of which frames; give the sequence's times.txt as `--times`", path.display())]
+    TimesNeeded {
+        /// The file.
+        path: PathBuf,
+    },
     /// Something that the paper's method cannot take in.
     #[error(
         "`--method paper` starts by GPS and then asks images alone, so `{option}` would change nothing; leave it out, or take `--method robust`"

@@ -20,10 +20,10 @@ pub struct EvalArgs {
     /// file.
     #[arg(long, value_name = "PATH")]
     estimate: PathBuf,
-    /// True poses, one KITTI row per frame.
+    /// True poses: one KITTI row per frame, or a TUM file.
     #[arg(long, value_name = "FILE")]
     truth: PathBuf,
-    /// times.txt of the sequence, for TUM files.
+    /// times.txt of the sequence, for TUM files: they say no frames.
     #[arg(long, value_name = "FILE")]
     times: Option<PathBuf>,
     /// First frame that counts: the two before it are started by GPS.
@@ -39,7 +39,7 @@ pub struct EvalArgs {
 
 pub fn execute(args: &EvalArgs) -> Result<bool> {
     check_range(args.first, args.last)?;
-    let truth = read_truth(&args.truth)?;
+    let truth = by_frame(&trajectory(&args.truth, args.times.as_deref())?);
     let (mut estimates, mut timing) = read(args)?;
     for (path, is_empty) in [(&args.estimate, estimates.is_empty()), (&args.truth, truth.is_empty())] {
         if is_empty {
@@ -64,12 +64,12 @@ pub fn execute(args: &EvalArgs) -> Result<bool> {
     Ok(true)
 }
 
-fn read_truth(path: &Path) -> Result<Vec<Option<Pose>>> {
-    Ok(by_frame(&read_rows(path)?))
-}
-
-/// KITTI rows without their times.
-fn read_rows(path: &Path) -> Result<Trajectory> {
+/// A file of poses: TUM lines, which need times of the frames, or KITTI rows, which do not.
+fn trajectory(path: &Path, times: Option<&Path>) -> Result<Trajectory> {
+    if columns(path)? == 8 {
+        let times = times.ok_or_else(|| Error::TimesNeeded { path: path.to_path_buf() })?;
+        return Ok(Trajectory::read_tum(path, &common::kitti::read_times(times)?)?);
+    }
     // Only the order counts here: as many times as there may be rows.
     let rows = common::read_text(path)?.lines().count();
     let times_s: Vec<f64> = (0..rows).map(|i| i as f64).collect();
@@ -91,15 +91,7 @@ fn read(args: &EvalArgs) -> Result<(Vec<Recorded>, Vec<Timing>)> {
     if path.extension().is_some_and(|extension| extension == "csv") {
         return Ok((read_estimates(path)?, Vec::new()));
     }
-    let trajectory = if columns(path)? == 8 {
-        let times_s = match &args.times {
-            Some(times) => common::kitti::read_times(times)?,
-            None => return Err(Error::MissingOption { option: "--times" }),
-        };
-        Trajectory::read_tum(path, &times_s)?
-    } else {
-        read_rows(path)?
-    };
+    let trajectory = trajectory(path, args.times.as_deref())?;
     let recorded = |stamp: &common::trajectory::StampedPose| Recorded {
         frame: stamp.frame,
         map_from_camera: stamp.map_from_camera,

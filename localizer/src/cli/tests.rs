@@ -110,9 +110,14 @@ fn a_drive_is_localized_and_scored_from_files() {
         assert!(run_words(&eval).unwrap() && run_words(&format!("{eval} --json")).unwrap());
     }
     let tum = format!("eval --estimate {at}/out/poses.tum --truth {at}/kitti/poses/90.txt");
-    assert!(matches!(run_words(&tum), Err(Error::MissingOption { option: "--times" })));
+    let said = run_words(&tum).unwrap_err().to_string();
+    assert!(said.contains("poses.tum: its lines have times") && said.contains("`--times`"), "{said}");
     let times = format!("--times {at}/kitti/sequences/90/times.txt");
     assert!(run_words(&format!("{tum} {times}")).unwrap());
+    // And the truth may be one, too: here the estimate itself.
+    let same = format!("eval --estimate {at}/out --truth {at}/out/poses.tum");
+    assert!(run_words(&same).unwrap_err().to_string().contains("`--times`"));
+    assert!(run_words(&format!("{same} {times}")).unwrap());
     // Frames of no true pose do not count, in whatever form the estimate is.
     let rows = std::fs::read_to_string(folder.path().join("kitti/poses/90.txt")).unwrap();
     std::fs::write(folder.path().join("10.txt"), rows.split_inclusive('\n').take(10).collect::<String>()).unwrap();

@@ -57,6 +57,14 @@ pub enum Error {
         /// The file to be written.
         path: PathBuf,
     },
+    /// A place on the Earth that is none.
+    #[error("--origin {text}: {what}; give LAT,LON,ALT[,HEADING[,PITCH,ROLL]] in degrees and metres")]
+    BadOrigin {
+        /// What was given.
+        text: String,
+        /// What is wrong with it.
+        what: String,
+    },
     /// The file is not text.
     #[error("{} is not text (byte {at} is not UTF-8); check that it is the right file", path.display())]
     NotText {

@@ -15,6 +15,7 @@
 
 pub mod atomic_file;
 pub mod config;
+pub mod earth;
 pub mod error;
 pub mod geometry;
 pub mod kitti;

@@ -1,5 +1,6 @@
 //! The command line: `run`, `live`, `trial`, `segment`, `motion`, `eval`.
 
+mod earth;
 mod eval;
 pub mod input;
 mod live;

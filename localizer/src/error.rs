@@ -125,6 +125,18 @@ pub enum Error {
         /// Its columns.
         found: usize,
     },
+    /// A row of a GPS file that is no place on the Earth, of a map that is on it.
+    #[error(
+        "{} line {line} is no place within 2,000 km of `--origin`; give `t latitude longitude altitude`, \
+         degrees north and east, and metres, with or without a course in degrees clockwise from north",
+        path.display()
+    )]
+    GpsPlace {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+    },
     /// A row of a GPS file that begins with no frame.
     #[error("{} line {line} is of frame {found}, which is none; give whole numbers from 0 on, and a 3x4 pose", path.display())]
     GpsFrame {

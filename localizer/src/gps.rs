@@ -5,6 +5,7 @@ mod file;
 pub use self::file::{FixFile, read};
 pub(crate) use self::file::{SEPARATORS, bad_number, is_of_names, numbers};
 
+use common::earth::{Geodetic, OnEarth};
 use common::geometry::{Pose, PoseParameters};
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 use rand::SeedableRng;
@@ -16,6 +17,9 @@ use crate::filter::State;
 
 /// Norm of a quaternion below which it is no heading.
 const LEAST_NORM: f64 = 0.1;
+/// No map reaches farther from its origin, metres, and no fix in it: latitude and longitude
+/// in the wrong order mostly do.
+const FARTHEST_M: f64 = 2e6;
 
 /// Standard deviations of GPS fixes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -133,6 +137,26 @@ impl GpsFix {
         }
     }
 
+    /// The time of a row `t latitude longitude altitude` or `t latitude longitude altitude
+    /// course` of a map that is on the Earth, and its fix: seconds, degrees north and east
+    /// (WGS 84), metres, and degrees clockwise from north. None of other rows, nor of a place
+    /// that no map with this origin reaches.
+    pub fn of_place(row: &[f64], config: &GpsConfig, on_earth: &OnEarth) -> Option<(f64, Self)> {
+        let (&[time_s, latitude_deg, longitude_deg, altitude_m], course_deg) = row.split_first_chunk()?;
+        let place = Geodetic { latitude_deg, longitude_deg, altitude_m };
+        let at_map = on_earth.map_from_place(&place);
+        let is_place = latitude_deg.abs() < 90.0 && longitude_deg.abs() <= 180.0 && at_map.coords.norm() <= FARTHEST_M;
+        let fix = match *course_deg {
+            [] => Self::at(at_map.into(), config),
+            [course_deg] => {
+                let forward = on_earth.direction_map(&place, course_deg.to_radians());
+                Self { is_course: true, ..Self::headed(at_map.into(), [forward.x, forward.z], config) }
+            }
+            _ => return None,
+        };
+        is_place.then_some((time_s, fix))
+    }
+
     /// The same at the time of the image, which a camera of this velocity, m/s in the map,
     /// came to.
     #[must_use]
@@ -180,6 +204,8 @@ pub fn simulate(truth: &[Pose], config: &GpsConfig, seed: u64) -> Vec<GpsFix> {
 
 #[cfg(test)]
 mod tests {
+    use common::earth::Projection;
+
     use super::*;
 
     #[test]
@@ -195,5 +221,25 @@ mod tests {
         assert!((spread(|f| f.position_map.x) - 1.5).abs() < 0.1);
         assert!((spread(|f| f.position_map.z) - 1.5).abs() < 0.1);
         assert!((spread(|f| f.heading.unwrap().0) - 2.0_f64.to_radians()).abs() < 0.003);
+    }
+
+    #[test]
+    fn a_place_on_the_earth_is_one_in_the_map() {
+        let config = GpsConfig::default();
+        // The map looks east.
+        let on_earth = OnEarth::new("49,8,100,90".parse().unwrap(), Projection::Topocentric);
+        let of = |row: &[f64]| GpsFix::of_place(row, &config, &on_earth);
+        // A hundredth of a degree north is 1,112 m to the left.
+        let (time_s, fix) = of(&[5.0, 49.01, 8.0, 100.0]).unwrap();
+        assert!((fix.position_map.x + 1112.1).abs() < 0.5 && fix.position_map.z.abs() < 0.5, "{}", fix.position_map);
+        assert!((time_s - 5.0).abs() < 1e-12 && fix.heading.is_none());
+        let (_, north) = of(&[5.0, 49.0, 8.0, 0.0, 0.0]).unwrap();
+        assert!((north.heading.unwrap().0 + std::f64::consts::FRAC_PI_2).abs() < 1e-6 && north.is_course);
+        let (_, south_east) = of(&[5.0, 49.0, 8.0, 0.0, 135.0]).unwrap();
+        assert!((south_east.heading.unwrap().0 - std::f64::consts::FRAC_PI_4).abs() < 1e-6);
+        // The other order, no degrees, other rows.
+        for bad in [&[0.0, 8.0, 49.0, 0.0][..], &[0.0, 91.0, 8.0, 0.0], &[0.0, 49.0, 8.0], &[0.0; 8]] {
+            assert!(of(bad).is_none(), "{bad:?}");
+        }
     }
 }

@@ -7,10 +7,11 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use common::atomic_file;
+use common::earth::{Geodetic, OnEarth};
 use common::geometry::Pose;
 use common::map::Numbering;
 use common::trajectory::{StampedPose, Trajectory};
-use nalgebra::{Matrix6, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{Matrix6, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use crate::estimate::{LandmarkId, Status};
 use crate::run::FrameResult;
@@ -21,15 +22,17 @@ const AXES: [&str; 6] = ["right", "down", "forward", "pitch", "yaw", "roll"];
 /// Columns of `estimates.csv` before the covariance.
 const LEADING: &str = "frame,time_s,status,x_m,y_m,z_m,qx,qy,qz,qw,poles,lanes,signs,correspondences,\
                        residual_px,support,margin,iterations,converged,time_sigma_s";
+/// Its last columns, of a map that is on the Earth.
+const PLACE: &str = ",latitude_deg,longitude_deg,altitude_m,heading_deg";
 const TIMING: &str = "frame,maps_ms,features_ms,localize_ms";
 
 /// Writes `poses.txt` (KITTI), `poses.tum`, `estimates.csv`, `matches.csv`
 /// (what was matched with what, landmarks by their `numbers`) and `timing.csv`
-/// into a folder that exists.
+/// into a folder that exists. Of a map that is on the Earth estimates say where.
 ///
 /// # Errors
 /// As [`atomic_file::write`].
-pub fn write(folder: &Path, results: &[FrameResult], numbers: Numbering) -> Result<()> {
+pub fn write(folder: &Path, results: &[FrameResult], numbers: Numbering, on_earth: Option<&OnEarth>) -> Result<()> {
     let stamps = results
         .iter()
         .map(|r| StampedPose { frame: r.frame, time_s: r.time_s, map_from_camera: r.estimate.map_from_camera })
@@ -37,18 +40,19 @@ pub fn write(folder: &Path, results: &[FrameResult], numbers: Numbering) -> Resu
     let trajectory = Trajectory { stamps };
     trajectory.write_kitti(folder.join("poses.txt"))?;
     trajectory.write_tum(folder.join("poses.tum"))?;
-    atomic_file::write(folder.join("estimates.csv"), estimates_csv(results).as_bytes())?;
+    atomic_file::write(folder.join("estimates.csv"), estimates_csv(results, on_earth).as_bytes())?;
     atomic_file::write(folder.join("matches.csv"), matches_csv(results, numbers).as_bytes())?;
     atomic_file::write(folder.join("timing.csv"), timing_csv(results).as_bytes())?;
     Ok(())
 }
 
-fn estimates_csv(results: &[FrameResult]) -> String {
-    std::iter::once(estimates_header()).chain(results.iter().map(estimates_row)).collect()
+fn estimates_csv(results: &[FrameResult], on_earth: Option<&OnEarth>) -> String {
+    let rows = results.iter().map(|result| estimates_row(result, on_earth));
+    std::iter::once(estimates_header(on_earth)).chain(rows).collect()
 }
 
-/// The first line of `estimates.csv`.
-pub fn estimates_header() -> String {
+/// The first line of `estimates.csv`, of a map that is or is not on the Earth.
+pub fn estimates_header(on_earth: Option<&OnEarth>) -> String {
     let mut text = String::from(LEADING);
     for (i, axis) in AXES.iter().enumerate() {
         let _ = write!(text, ",sigma_{axis}_{}", if i < 3 { "m" } else { "rad" });
@@ -58,12 +62,13 @@ pub fn estimates_header() -> String {
             let _ = write!(text, ",cov_{row}_{column}");
         }
     }
+    text.push_str(on_earth.map_or("", |_| PLACE));
     text.push('\n');
     text
 }
 
 /// A frame's line of `estimates.csv`.
-pub fn estimates_row(result: &FrameResult) -> String {
+pub fn estimates_row(result: &FrameResult, on_earth: Option<&OnEarth>) -> String {
     let mut text = String::new();
     let estimate = &result.estimate;
     let t = estimate.map_from_camera.translation.vector;
@@ -99,6 +104,15 @@ pub fn estimates_row(result: &FrameResult) -> String {
         for j in i..6 {
             let _ = write!(text, ",{:.9e}", estimate.covariance[(i, j)]);
         }
+    }
+    if let Some(on_earth) = on_earth {
+        let at_map = Point3::from(t);
+        let place = on_earth.place(&at_map);
+        let forward = estimate.map_from_camera.rotation * Vector3::z();
+        let heading_deg = on_earth.bearing_rad(&at_map, &forward).to_degrees();
+        let Geodetic { latitude_deg, longitude_deg, altitude_m } = place;
+        // A tenth of a millimetre, as the metres are.
+        let _ = write!(text, ",{latitude_deg:.9},{longitude_deg:.9},{altitude_m:.3},{heading_deg:.4}");
     }
     text.push('\n');
     text
@@ -275,6 +289,7 @@ fn rows(path: &Path, leading: &[&str]) -> Result<Vec<(usize, Vec<String>)>> {
 mod tests {
     use super::*;
     use crate::estimate::{Correspondence, PoseEstimate};
+    use common::earth::Projection;
     use common::geometry::PoseParameters;
     use nalgebra::Matrix6;
 
@@ -310,7 +325,7 @@ mod tests {
         let matched = |landmark| Correspondence { landmark, feature: 3, residual_px: 0.5, weight: 1.0 };
         let landmarks = [LandmarkId::Pole(1), LandmarkId::Sign(0), LandmarkId::Lane(2), LandmarkId::Marks(2)];
         results[1].estimate.correspondences = landmarks.map(matched).to_vec();
-        write(folder.path(), &results, Numbering::new(10, 5, 3)).unwrap();
+        write(folder.path(), &results, Numbering::new(10, 5, 3), None).unwrap();
         // Poles, signs and lines are counted on, as in exports.
         let matches = std::fs::read_to_string(folder.path().join("matches.csv")).unwrap();
         let numbers: Vec<&str> = matches.lines().skip(1).filter_map(|line| line.split(',').nth(2)).collect();
@@ -329,7 +344,7 @@ mod tests {
 
     #[test]
     fn the_sigmas_are_the_diagonal_and_the_triangle_is_whole() {
-        let text = estimates_csv(&[result(0)]);
+        let text = estimates_csv(&[result(0)], None);
         let mut lines = text.lines();
         let header: Vec<&str> = lines.next().unwrap().split(',').collect();
         let row: Vec<&str> = lines.next().unwrap().split(',').collect();
@@ -340,12 +355,30 @@ mod tests {
     }
 
     #[test]
+    fn of_a_map_on_the_earth_a_row_ends_with_the_place() {
+        let on_earth = OnEarth::new("49,8,100,90".parse().unwrap(), Projection::Topocentric);
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path(), &[result(2)], Numbering::new(1, 1, 1), Some(&on_earth)).unwrap();
+        let path = folder.path().join("estimates.csv");
+        let text = std::fs::read_to_string(&path).unwrap();
+        let last: Vec<Vec<&str>> = text.lines().map(|line| line.rsplitn(5, ',').take(4).collect()).collect();
+        assert_eq!(last[0], ["heading_deg", "altitude_m", "longitude_deg", "latitude_deg"]);
+        let [heading_deg, altitude_m, east_deg, north_deg] = [0, 1, 2, 3].map(|i| last[1][i].parse::<f64>().unwrap());
+        // 30 m ahead in the east, 1.5 m to the right of it, 0.2 m up, turned by 0.4 rad to the right.
+        assert!((heading_deg - 90.0 - 0.4_f64.to_degrees()).abs() < 0.01, "{heading_deg}");
+        assert!((altitude_m - 100.2).abs() < 0.01 && (east_deg - 8.0 - 30.0 / 73_172.0).abs() < 1e-7, "{east_deg}");
+        assert!((north_deg - 49.0 + 1.5 / 111_210.0).abs() < 1e-7, "{north_deg}");
+        // Who reads estimates finds them as ever.
+        assert_eq!(read_estimates(&path).unwrap()[0].frame, 2);
+    }
+
+    #[test]
     fn a_file_that_is_no_result_is_refused_with_its_line() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("estimates.csv");
         std::fs::write(&path, "a,b\n1,2\n").unwrap();
         assert!(matches!(read_estimates(&path), Err(Error::BadResult { line: 1, .. })));
-        let good = estimates_csv(&[result(0), result(1)]);
+        let good = estimates_csv(&[result(0), result(1)], None);
         std::fs::write(&path, good.trim_end().rsplit_once(',').unwrap().0).unwrap();
         assert!(matches!(read_estimates(&path), Err(Error::BadResult { line: 3, .. })));
         for frame in ["-3", "1.5", "0", ""] {

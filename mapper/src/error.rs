@@ -287,14 +287,6 @@ pub enum Error {
         /// The file to be written.
         path: PathBuf,
     },
-    /// A place on the Earth that is none.
-    #[error("--origin {text}: {what}; give LAT,LON,ALT[,HEADING[,PITCH,ROLL]] in degrees and metres")]
-    BadOrigin {
-        /// What was given.
-        text: String,
-        /// What is wrong with it.
-        what: String,
-    },
     /// Other coordinates for a format that has the map's.
     #[error(
         "the paper's text has the map's own coordinates only: leave --origin and --coordinates away, or export as CSV or GeoJSON"

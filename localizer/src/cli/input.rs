@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use common::earth::OnEarth;
 use common::geometry::Pose;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -236,12 +237,18 @@ pub fn simulated(
         .map_err(|(first, last)| Error::NoStart { first, last })
 }
 
-/// The fixes of a file; says how many of them are of no frame.
+/// The fixes of a file, in degrees where the map is on the Earth; says how many of them are
+/// of no frame.
 ///
 /// # Errors
 /// As [`gps::read`], and [`Error::NoFix`] where none lies on the frames.
-pub fn read_fixes(drive: &Drive, path: &Path, config: &Config) -> Result<BTreeMap<usize, GpsFix>> {
-    let FixFile { fixes, astray_lines } = gps::read(path, &drive.times_s, &config.gps)?;
+pub fn read_fixes(
+    drive: &Drive,
+    path: &Path,
+    config: &Config,
+    on_earth: Option<&OnEarth>,
+) -> Result<BTreeMap<usize, GpsFix>> {
+    let FixFile { fixes, astray_lines } = gps::read(path, &drive.times_s, &config.gps, on_earth)?;
     let fixes = started(&drive.frames.iter().copied(), fixes).map_err(|(first, last)| Error::NoFix {
         path: path.to_path_buf(),
         first,

@@ -5,10 +5,12 @@ use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use common::earth::OnEarth;
 use common::geometry::PinholeCamera;
 use common::kitti::Calibration;
 
 use super::ConfigArgs;
+use super::earth::EarthArgs;
 use super::input::SourceArgs;
 use crate::camera::{ScaledCamera, Source};
 use crate::config::Config;
@@ -36,7 +38,9 @@ Lines of the standard input, words separated by blanks, commas or tabs:
   image T FRAME [PATH]                  an image that was taken at T, seconds. FRAME is a
                                         number that comes back, and ascends; with --labels it
                                         names the label images, and PATH may be left out
-  gps T X Y Z [QX QY QZ QW]             a rough position of the camera, map frame, metres
+  gps T X Y Z [QX QY QZ QW]             a rough position of the camera, map frame, metres;
+  gps T LAT LON ALT [COURSE]            with --origin: degrees north and east, metres,
+                                        degrees clockwise from north
   odometry T SPEED_M_S YAW_RATE_RAD_S   with --wheels: the mean since the line before
   # anything                            is passed over
 
@@ -58,6 +62,8 @@ pub struct LiveArgs {
     calib: Option<PathBuf>,
     #[command(flatten)]
     source: SourceArgs,
+    #[command(flatten)]
+    earth: EarthArgs,
     /// Lines of `odometry` will come.
     #[arg(long)]
     wheels: bool,
@@ -71,11 +77,12 @@ pub struct LiveArgs {
 pub fn execute(args: &LiveArgs) -> Result<bool> {
     let Some(mut config) = args.config.load()? else { return Ok(true) };
     config.gps.fuse |= args.fuse_gps;
+    let on_earth = args.earth.on_earth()?;
     let mut map = LocalMap::open(&super::required(args.map.as_ref(), "--map")?, &config.local_map)?;
     let camera = Calibration::read_camera(super::required(args.calib.as_ref(), "--calib")?, CAMERA)?;
     let source = args.source.open()?;
-    let mut vehicle = Vehicle::new(&mut map, camera, source, args.wheels, config);
-    let mut is_heard = common::output::print_to_reader(&estimates_header());
+    let mut is_heard = common::output::print_to_reader(&estimates_header(on_earth.as_ref()));
+    let mut vehicle = Vehicle { on_earth, ..Vehicle::new(&mut map, camera, source, args.wheels, config) };
     let mut input = std::io::stdin().lock();
     let mut passed_over = 0;
     for line in 1.. {
@@ -119,7 +126,7 @@ enum Said<'t> {
 }
 
 /// What a line says; none where that is nothing known.
-fn said<'t>(text: &'t str, config: &GpsConfig) -> Option<Said<'t>> {
+fn said<'t>(text: &'t str, config: &GpsConfig, on_earth: Option<&OnEarth>) -> Option<Said<'t>> {
     let mut rest = text;
     match next_word(&mut rest)? {
         IMAGE => {
@@ -129,7 +136,11 @@ fn said<'t>(text: &'t str, config: &GpsConfig) -> Option<Said<'t>> {
             Some(Said::Image { time_s, frame, path: Some(rest).filter(|rest| !rest.is_empty()).map(Path::new) })
         }
         GPS => {
-            let (time_s, fix) = GpsFix::of_row(&numbers(rest)?, config)?;
+            let row = numbers(rest)?;
+            let (time_s, fix) = match on_earth {
+                Some(on_earth) => GpsFix::of_place(&row, config, on_earth)?,
+                None => GpsFix::of_row(&row, config)?,
+            };
             Some(Said::Gps { time_s, fix })
         }
         ODOMETRY => {
@@ -161,6 +172,8 @@ struct Vehicle<'m> {
     source: Source,
     has_wheels: bool,
     config: Config,
+    /// Where the map is on the Earth, if that is known.
+    on_earth: Option<OnEarth>,
     last_frame: Option<usize>,
     /// Taken by the localizer.
     map: Option<&'m mut LocalMap>,
@@ -172,7 +185,7 @@ struct Vehicle<'m> {
 impl<'m> Vehicle<'m> {
     fn new(map: &'m mut LocalMap, camera: PinholeCamera, source: Source, has_wheels: bool, config: Config) -> Self {
         let (map, received) = (Some(map), Received::default());
-        Self { camera, source, has_wheels, config, last_frame: None, map, received, running: None }
+        Self { camera, source, has_wheels, config, on_earth: None, last_frame: None, map, received, running: None }
     }
 
     /// Takes a line in; the answer to an image.
@@ -181,7 +194,7 @@ impl<'m> Vehicle<'m> {
     /// Where it says nothing, what it says is refused, or an image cannot be read.
     fn take(&mut self, line: usize, text: &str) -> Result<Option<String>> {
         let unknown = || Error::LiveLine { line, text: text.chars().take(SHOWN).collect() };
-        match said(text, &self.config.gps).ok_or_else(unknown)? {
+        match said(text, &self.config.gps, self.on_earth.as_ref()).ok_or_else(unknown)? {
             Said::Image { time_s, frame, path } => {
                 if self.last_frame.is_some_and(|last| last >= frame) {
                     return Err(Error::LiveFrame { line, frame });
@@ -222,7 +235,8 @@ impl<'m> Vehicle<'m> {
         let seen = camera.look(&self.source, frame, path, &self.config.vision)?;
         let result = localizer.image(frame, time_s, seen)?;
         let unknown = || format!("# frame {frame}, {time_s:.6} s: no position came yet\n");
-        Ok(Some(result.as_ref().map_or_else(unknown, estimates_row)))
+        let row = |result| estimates_row(result, self.on_earth.as_ref());
+        Ok(Some(result.as_ref().map_or_else(unknown, row)))
     }
 
     /// The camera as images of the size of this one are looked at.

@@ -6,6 +6,7 @@ use clap::Args;
 use nalgebra::Point2;
 
 use super::ConfigArgs;
+use super::earth::EarthArgs;
 use super::input::{Input, InputArgs, all_but, read_fixes, simulated};
 use crate::drive::{CAMERA, Drive};
 use crate::estimate::Status;
@@ -25,13 +26,17 @@ pub struct RunArgs {
     #[command(flatten)]
     input: InputArgs,
     /// Rough positions of given frames, one per row: `t x y z`, or TUM lines, or
-    /// `frame` and a 3x4 pose, or a 3x4 pose for each frame (`nan` for none).
+    /// `frame` and a 3x4 pose, or a 3x4 pose for each frame (`nan` for none); with
+    /// `--origin` rows `t latitude longitude altitude`, or with a course behind,
+    /// degrees clockwise from north.
     #[arg(long, value_name = "FILE", conflicts_with = "gps_seed")]
     gps: Option<PathBuf>,
     /// Without `--gps`: seed of the noise on the true pose of the first two
     /// frames.
     #[arg(long, value_name = "N", default_value_t = 0)]
     gps_seed: u64,
+    #[command(flatten)]
+    earth: EarthArgs,
     /// Wheels and gyroscope: lines `t_s,speed_m_s,yaw_rate_rad_s`, each the mean
     /// since the line before.
     #[arg(long, value_name = "FILE")]
@@ -82,6 +87,7 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     let wheels = (args.odometry.is_some(), "--odometry");
     args.method.check(&[wheels, (args.fuse_gps, "--fuse-gps"), (config.gps.fuse, "gps.fuse")])?;
     config.gps.fuse |= args.fuse_gps;
+    let on_earth = args.earth.on_earth()?;
     let wheels = args.input.read_odometry(args.odometry.as_deref(), &config)?;
     let out = super::required(args.out.as_ref(), "--out")?;
     for folder in [Some(&out), args.save_labels.as_ref(), args.overlay.as_ref()].into_iter().flatten() {
@@ -92,7 +98,7 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     let drive = &opened.drive;
     args.check_apart(drive)?;
     let fixes = match &args.gps {
-        Some(path) => read_fixes(drive, path, &config)?,
+        Some(path) => read_fixes(drive, path, &config, on_earth.as_ref())?,
         None => simulated(&drive.frames.iter().copied(), &args.input.true_poses(drive)?, &config, args.gps_seed)?,
     };
     let mut input = opened.watch(wheels.is_some(), &config, |drive, frame, seen| {
@@ -115,7 +121,7 @@ pub fn execute(args: &RunArgs) -> Result<bool> {
     }
     let read_of_atlas = input.map.usage();
     create(&out)?;
-    output::write(&out, &results, input.map.numbering())?;
+    output::write(&out, &results, input.map.numbering(), on_earth.as_ref())?;
     if let Some(folder) = &args.overlay {
         create(folder)?;
         let (with, without): (Vec<_>, Vec<_>) = results.iter().partition(|result| input.drive.has_image(result.frame));

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use common::earth::OnEarth;
+
 use super::{GpsConfig, GpsFix};
 use crate::{Error, Result};
 
@@ -28,14 +30,15 @@ enum Place {
 /// or a 3x4 pose for each frame from 0 on (twelve `nan` for none). Only the
 /// horizontal position is used, and the heading where the row has one. A receiver
 /// is on before the camera and after it, and while it pauses: what belongs to no
-/// frame is left out.
+/// frame is left out. Of a map that is on the Earth rows are `t latitude longitude
+/// altitude`, or with a course behind, as [`GpsFix::of_place`] takes them.
 ///
 /// # Errors
-/// [`Error::GpsRow`] and [`Error::GpsFrame`] at their line, [`Error::GpsTime`] where
+/// [`Error::GpsRow`], [`Error::GpsPlace`] and [`Error::GpsFrame`] at their line, [`Error::GpsTime`] where
 /// no fix belongs to any frame, and [`common::Error::Io`],
 /// [`common::Error::NotText`], [`common::Error::BadNumber`],
 /// [`common::Error::NotARotation`] or [`common::Error::Mirrors`].
-pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<FixFile> {
+pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig, on_earth: Option<&OnEarth>) -> Result<FixFile> {
     let text = common::read_text(path)?;
     let mut file = FixFile::default();
     let mut first_astray = None;
@@ -50,24 +53,14 @@ pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<FixFile>
         if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
             return Err(bad_number(path, line, &bad.to_string()));
         }
-        let (place, mut fix) = match *values.as_slice() {
-            [_, _, forward_x, x, _, _, _, y, _, _, forward_z, z] => {
-                (Place::Frame(index), GpsFix::headed([x, y, z], [forward_x, forward_z], config))
+        let (place, mut fix) = match on_earth {
+            Some(on_earth) => {
+                let fix = GpsFix::of_place(&values, config, on_earth);
+                let (time_s, fix) = fix.ok_or_else(|| Error::GpsPlace { path: path.to_path_buf(), line })?;
+                (Place::Time(time_s), fix)
             }
-            [frame, _, _, forward_x, x, _, _, _, y, _, _, forward_z, z] => {
-                if frame < 0.0 || frame.fract() != 0.0 {
-                    return Err(Error::GpsFrame { path: path.to_path_buf(), line, found: frame });
-                }
-                (Place::Frame(frame as usize), GpsFix::headed([x, y, z], [forward_x, forward_z], config))
-            }
-            _ => match GpsFix::of_row(&values, config) {
-                Some((time_s, fix)) => (Place::Time(time_s), fix),
-                None => return Err(Error::GpsRow { path: path.to_path_buf(), line, found: values.len() }),
-            },
+            None => in_map((path, line, index), &values, config)?,
         };
-        if let Some(matrix) = values.last_chunk::<12>().filter(|_| values.len() >= 12) {
-            common::pose_of(path, line, matrix)?;
-        }
         let frame = match place {
             Place::Frame(frame) => Some(frame).filter(|frame| *frame < times_s.len()),
             Place::Time(time_s) => frame_at(time_s, times_s).map_err(|off_s| (time_s, off_s)).map_or_else(
@@ -93,6 +86,31 @@ pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig) -> Result<FixFile>
     match first_astray.filter(|_| file.fixes.is_empty()) {
         Some((line, (time_s, off_s))) => Err(Error::GpsTime { path: path.to_path_buf(), line, time_s, off_s }),
         None => Ok(file),
+    }
+}
+
+/// What a row says in the map's own metres: its file, its line, and how many come before it.
+///
+/// # Errors
+/// As [`read`], of this row.
+fn in_map((path, line, index): (&Path, usize, usize), row: &[f64], config: &GpsConfig) -> Result<(Place, GpsFix)> {
+    if let Some(matrix) = row.last_chunk::<12>().filter(|_| row.len() <= 13) {
+        common::pose_of(path, line, matrix)?;
+    }
+    match *row {
+        [_, _, forward_x, x, _, _, _, y, _, _, forward_z, z] => {
+            Ok((Place::Frame(index), GpsFix::headed([x, y, z], [forward_x, forward_z], config)))
+        }
+        [frame, _, _, forward_x, x, _, _, _, y, _, _, forward_z, z] => {
+            if frame < 0.0 || frame.fract() != 0.0 {
+                return Err(Error::GpsFrame { path: path.to_path_buf(), line, found: frame });
+            }
+            Ok((Place::Frame(frame as usize), GpsFix::headed([x, y, z], [forward_x, forward_z], config)))
+        }
+        _ => match GpsFix::of_row(row, config) {
+            Some((time_s, fix)) => Ok((Place::Time(time_s), fix)),
+            None => Err(Error::GpsRow { path: path.to_path_buf(), line, found: row.len() }),
+        },
     }
 }
 
@@ -136,6 +154,7 @@ fn frame_at(time_s: f64, times_s: &[f64]) -> std::result::Result<(usize, f64), f
 
 #[cfg(test)]
 mod tests {
+    use common::earth::Projection;
     use nalgebra::{Point3, Vector3};
 
     use super::*;
@@ -144,7 +163,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("gps.txt");
         std::fs::write(&path, text).unwrap();
-        let file = read(&path, &[0.0, 0.1, 0.2, 0.3], &GpsConfig::default())?;
+        let file = read(&path, &[0.0, 0.1, 0.2, 0.3], &GpsConfig::default(), None)?;
         assert!(file.astray_lines.is_empty());
         Ok(file.fixes)
     }
@@ -209,12 +228,30 @@ mod tests {
         // Four frames, a pause of a second, four more.
         let times_s = [0.0, 0.1, 0.2, 0.3, 1.3, 1.4, 1.5, 1.6];
         std::fs::write(&path, "-3 1 2 3\n0.1 1 2 3\n# in the pause\n0.8 1 2 3\n1.4 1 2 3\n99 1 2 3\n").unwrap();
-        let file = read(&path, &times_s, &GpsConfig::default()).unwrap();
+        let file = read(&path, &times_s, &GpsConfig::default(), None).unwrap();
         assert_eq!(file.fixes.keys().copied().collect::<Vec<_>>(), [1, 5]);
         assert_eq!(file.astray_lines, [1, 4, 6]);
         std::fs::write(&path, "1 1 0 0 5 0 1 0 6 0 0 1 7\n8 1 0 0 5 0 1 0 6 0 0 1 7\n").unwrap();
-        let file = read(&path, &times_s, &GpsConfig::default()).unwrap();
+        let file = read(&path, &times_s, &GpsConfig::default(), None).unwrap();
         assert_eq!((file.fixes.len(), file.astray_lines), (1, vec![2]));
+    }
+
+    #[test]
+    fn fixes_of_a_map_on_the_earth_are_degrees() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("gps.csv");
+        let on_earth = OnEarth::new("49,8,100".parse().unwrap(), Projection::Topocentric);
+        let read_text = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            read(&path, &[0.0, 0.1, 0.2], &GpsConfig::default(), Some(&on_earth))
+        };
+        let fixes = read_text("time,lat,lon,alt\n0.1,49,8,100\n0.2,49,8,100,90\n").unwrap().fixes;
+        assert!(fixes[&1].position_map.coords.norm() < 1e-6 && fixes[&1].heading.is_none());
+        assert!((fixes[&2].heading.unwrap().0 - std::f64::consts::FRAC_PI_2).abs() < 1e-6);
+        for bad in ["0.1,49,8", "0.1,8,49,100", "0.1 1 0 0 5 0 1 0 6 0 0 1 7"] {
+            let said = read_text(&format!("0,49,8,100\n{bad}\n")).unwrap_err().to_string();
+            assert!(said.contains("gps.csv line 2 is no place") && said.contains("t latitude longitude"), "{said}");
+        }
     }
 
     #[test]

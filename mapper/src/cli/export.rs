@@ -4,11 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use common::atomic_file;
+use common::earth::Projection;
 use common::map::SemanticMap;
 
 use super::{MapFile, Outcome, print};
 use crate::error::{Error, Result};
-use crate::export::{Coordinates, Format, Frame, Projection};
+use crate::export::{Coordinates, Format, Frame};
 use crate::frames;
 use crate::outputs;
 use crate::report::path_beside;

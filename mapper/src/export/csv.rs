@@ -11,14 +11,13 @@ use super::frame::{DEGREE_DIGITS, Frame, METRE_DIGITS};
 /// which only signs have. A pole has two points, its foot and its top; a sign
 /// one, its centroid; a lane line its vertices.
 pub fn text(map: &SemanticMap, frame: &Frame) -> String {
-    let axes = match frame {
-        Frame::Local(_) => "x_right_m,y_forward_m,z_up_m",
-        Frame::Survey(_) => "x_survey_m,y_survey_m,z_survey_m",
-        Frame::Earth(_) => "longitude_deg,latitude_deg,altitude_m",
+    let (axes, digits) = match frame {
+        Frame::Local(_) => ("x_right_m,y_forward_m,z_up_m", METRE_DIGITS),
+        Frame::Survey(_) => ("x_survey_m,y_survey_m,z_survey_m", METRE_DIGITS),
+        Frame::Earth(_) => ("longitude_deg,latitude_deg,altitude_m", DEGREE_DIGITS),
     };
     let mut out = format!("id,kind,road,point,{axes},size_m\n");
-    let digits = if frame.origin().is_some() { DEGREE_DIGITS } else { METRE_DIGITS } as usize;
-    let up_digits = METRE_DIGITS as usize;
+    let (digits, up_digits) = (digits as usize, METRE_DIGITS as usize);
     let mut row = |id: usize, kind: &str, road: u32, point: usize, at: &Point3<f64>, size: &str| {
         let [x, y, z] = frame.position(at);
         // Writing to a string cannot fail.

@@ -9,7 +9,6 @@ mod frame;
 mod geojson;
 mod landmarks;
 mod lanelet2;
-mod origin;
 #[cfg(test)]
 mod tests;
 
@@ -18,8 +17,7 @@ use std::path::Path;
 use common::map::SemanticMap;
 
 pub use self::cloud::{CloudCount, CloudFile};
-pub use self::frame::{Coordinates, Frame, Projection};
-pub use self::origin::Origin;
+pub use self::frame::{Coordinates, Frame};
 use crate::error::{Error, Result};
 
 /// A format that a map can be written in.

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use common::earth::Projection;
 use common::map::{LaneKind, LaneLine, Pole, PoleKind, Road, RoadId, SemanticMap, Sign, SignKind};
 use nalgebra::{Point3, Vector3};
 use quick_xml::events::Event;

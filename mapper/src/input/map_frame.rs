@@ -1,11 +1,11 @@
 //! What places a map in the world, as its input tells: kept beside the map, in the report of
 //! its build, for whoever exports it, and with the maps that a merged one was made of.
 
+use common::earth::Origin;
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::survey::SurveyFrame;
-use crate::export::Origin;
 
 /// What two frames are told apart by, metres: the step of a map's coordinates.
 const LEAST_APART_M: f64 = 0.01;

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use common::earth::{OnEarth, Origin, Projection};
 use common::geometry::PoseParameters;
 use common::kitti::{RawDrive, RawSurvey};
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion};
@@ -9,7 +10,6 @@ use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion};
 use super::{MapFrame, Source};
 use crate::drive::{Choice, Drive, Survey};
 use crate::error::Result;
-use crate::export::{Frame, Origin, Projection};
 
 /// Opens the drive in `folder` (`DATE_drive_NNNN_sync`); its calibration lies
 /// in `calibration`, or in the folder that holds `folder`.
@@ -51,9 +51,9 @@ fn origin(survey: &RawSurvey) -> String {
         pitch_deg: 0.0,
         roll_deg: 0.0,
     };
-    let around_unit = Frame::wgs84(unit, Projection::Mercator);
+    let around_unit = OnEarth::new(unit, Projection::Mercator);
     let offset_m = survey.enu_from_map.translation.vector;
-    let at = around_unit.geodetic(&around_unit.metres(&Point3::new(offset_m.x, -offset_m.z, offset_m.y)));
+    let at = around_unit.place(&Point3::new(offset_m.x, -offset_m.z, offset_m.y));
     // East, down, north: the axes in which the paper's parameters are bearings.
     let names = Rotation3::from_matrix_unchecked(Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0));
     let mut level = survey.enu_from_map;
@@ -90,14 +90,14 @@ mod tests {
             yaw_rad: 0.0,
         };
         let survey = RawSurvey { map_from_camera: vec![Pose::identity()], enu_from_map, first };
-        let frame = Frame::wgs84(origin(&survey).parse().unwrap(), Projection::Mercator);
+        let frame = OnEarth::new(origin(&survey).parse().unwrap(), Projection::Mercator);
         // A place 2.6 km away, and the unit at the first frame.
         for (latitude_deg, longitude_deg, tolerance_m) in [(49.018, 8.023, 0.1), (49.0, 8.0, 0.01)] {
             let [east_m, north_m] = Mercator::around(49.0, 8.0).metres(latitude_deg, longitude_deg);
-            let [longitude, latitude, altitude_m] =
-                frame.position(&(enu_from_map.inverse() * Point3::new(east_m, north_m, 5.0)));
-            let off_m = (longitude - longitude_deg).hypot(latitude - latitude_deg) * 111_000.0;
-            assert!(off_m < tolerance_m && (altitude_m - 105.0).abs() < tolerance_m, "{off_m} {altitude_m}");
+            let place = frame.place(&(enu_from_map.inverse() * Point3::new(east_m, north_m, 5.0)));
+            let off_deg = (place.longitude_deg - longitude_deg).hypot(place.latitude_deg - latitude_deg);
+            let (off_m, up_m) = (off_deg * 111_000.0, place.altitude_m - 105.0);
+            assert!(off_m < tolerance_m && up_m.abs() < tolerance_m, "{off_m} {up_m}");
         }
     }
 }

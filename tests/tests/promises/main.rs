@@ -24,6 +24,7 @@ mod measured_streets;
 mod merged_maps;
 mod motion;
 mod nothing_found;
+mod on_earth;
 mod real_kitti;
 mod refined_poses;
 mod settings;

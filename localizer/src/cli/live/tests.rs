@@ -3,13 +3,14 @@ use super::*;
 #[test]
 fn lines_say_what_they_say_and_paths_keep_their_blanks() {
     let config = GpsConfig::default();
+    let said = |text| said(text, &config, None);
     let image = |time_s, frame, path: Option<&'static str>| Said::Image { time_s, frame, path: path.map(Path::new) };
-    assert_eq!(said("image 1.5 7", &config), Some(image(1.5, 7, None)));
-    assert_eq!(said("image 1.5 7 a b, c.png", &config), Some(image(1.5, 7, Some("a b, c.png"))));
-    assert_eq!(said("image,1.5,\t7,x.png", &config), Some(image(1.5, 7, Some("x.png"))));
+    assert_eq!(said("image 1.5 7"), Some(image(1.5, 7, None)));
+    assert_eq!(said("image 1.5 7 a b, c.png"), Some(image(1.5, 7, Some("a b, c.png"))));
+    assert_eq!(said("image,1.5,\t7,x.png"), Some(image(1.5, 7, Some("x.png"))));
     let wheels = Said::Odometry { time_s: 1.0, speed_m_s: -2.0, yaw_rate_rad_s: 0.03 };
-    assert_eq!(said("odometry 1 -2 3e-2", &config), Some(wheels));
-    let Some(Said::Gps { time_s, fix }) = said("gps 1 2 3 4 0 0.7071068 0 0.7071068", &config) else { unreachable!() };
+    assert_eq!(said("odometry 1 -2 3e-2"), Some(wheels));
+    let Some(Said::Gps { time_s, fix }) = said("gps 1 2 3 4 0 0.7071068 0 0.7071068") else { unreachable!() };
     assert!((time_s - 1.0).abs() < 1e-12 && fix.is_course && (fix.position_map.z - 4.0).abs() < 1e-12);
     for bad in [
         "",
@@ -27,8 +28,19 @@ fn lines_say_what_they_say_and_paths_keep_their_blanks() {
         "gps 1 2 3 4 5",
         "gps 1 2 3 nan",
     ] {
-        assert_eq!(said(bad, &config), None, "{bad}");
+        assert_eq!(said(bad), None, "{bad}");
     }
+}
+
+#[test]
+fn a_receiver_s_degrees_are_a_place_in_a_map_that_is_on_the_earth() {
+    let on_earth = OnEarth::new("49,8,100,90".parse().unwrap(), common::earth::Projection::Topocentric);
+    let config = GpsConfig::default();
+    let said = |text| said(text, &config, Some(&on_earth));
+    let Some(Said::Gps { fix, .. }) = said("gps 1.5 49.0 8.001 100 90") else { unreachable!() };
+    // Meridians converge by a hundred-thousandth over these 73 m.
+    assert!((fix.position_map.z - 73.2).abs() < 0.2 && fix.heading.unwrap().0.abs() < 1e-4, "{fix:?}");
+    assert_eq!((said("gps 1.5 8 49 100"), said("gps 1 2 3 4 0 0.7071068 0 0.7071068")), (None, None));
 }
 
 #[test]

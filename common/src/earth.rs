@@ -1,5 +1,7 @@
 //! Where a map is on the Earth: its metres as latitude, longitude and altitude, and back.
 
+mod grid;
+
 use std::fmt;
 use std::str::FromStr;
 
@@ -7,6 +9,7 @@ use map_3d::{Ellipsoid, enu2geodetic, geodetic2enu};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
+pub use self::grid::Grid;
 use crate::Error;
 use crate::geometry::PoseParameters;
 use crate::kitti::Mercator;
@@ -132,59 +135,128 @@ impl Geodetic {
     }
 }
 
+/// The world of a survey, and how the map's axes (x right, y down, z forward) lie in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum World {
+    /// Camera 0 at the first frame, as KITTI has it: the map's axes are its own.
+    FirstCamera,
+    /// A world with the axes of a camera: the map's are the same.
+    CameraAxes,
+    /// A world with z up: map x is its -y, map y its -z, map z its x.
+    ZUp,
+}
+
+impl World {
+    /// The place in the survey's world, metres, of a point of a map that was reduced by so
+    /// much along the axes of that world. All worlds have z up here, as clouds have it: of one
+    /// with the axes of a camera x right, y forward, z up.
+    pub fn survey_from_map(self, [x, y, z]: [f64; 3], map: &Point3<f64>) -> Point3<f64> {
+        match self {
+            Self::FirstCamera | Self::CameraAxes => Point3::new(map.x + x, map.z + z, -(map.y + y)),
+            Self::ZUp => Point3::new(map.z + x, y - map.x, z - map.y),
+        }
+    }
+
+    /// The point of the map at a place in the survey's world: the inverse of
+    /// [`Self::survey_from_map`].
+    pub fn map_from_survey(self, [x, y, z]: [f64; 3], survey: &Point3<f64>) -> Point3<f64> {
+        match self {
+            Self::FirstCamera | Self::CameraAxes => Point3::new(survey.x - x, -survey.z - y, survey.y - z),
+            Self::ZUp => Point3::new(y - survey.y, z - survey.z, survey.x - x),
+        }
+    }
+}
+
 /// A map's frame on the Earth.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OnEarth {
-    /// Where its origin is.
-    pub origin: Origin,
-    /// What its metres are.
-    pub projection: Projection,
-    turn: UnitQuaternion<f64>,
+#[derive(Debug, Clone)]
+pub struct OnEarth(Metres);
+
+/// What the metres of a map are.
+#[derive(Debug, Clone)]
+enum Metres {
+    /// Those around an origin.
+    Origin { origin: Origin, projection: Projection, turn: UnitQuaternion<f64> },
+    /// Those of a survey in a grid.
+    Grid { grid: Box<Grid>, world: World, reduced_by_m: [f64; 3] },
 }
 
 impl OnEarth {
     /// The frame of a map whose origin is there.
     pub fn new(origin: Origin, projection: Projection) -> Self {
-        Self { origin, projection, turn: origin.turn() }
+        Self(Metres::Origin { origin, projection, turn: origin.turn() })
+    }
+
+    /// The frame of a map whose survey is in a grid, and was reduced by so much along its own
+    /// axes.
+    ///
+    /// # Errors
+    /// [`Error::OffGrid`] where the grid does not reach the map.
+    pub fn in_grid(grid: Grid, world: World, reduced_by_m: [f64; 3]) -> Result<Self, Error> {
+        let frame = Self(Metres::Grid { grid: Box::new(grid), world, reduced_by_m });
+        let Geodetic { latitude_deg, longitude_deg, .. } = frame.origin();
+        if latitude_deg.is_finite() && longitude_deg.is_finite() {
+            return Ok(frame);
+        }
+        let Metres::Grid { grid, .. } = frame.0 else { return Ok(frame) };
+        let [x, y, _] = world.survey_from_map(reduced_by_m, &Point3::origin()).into();
+        Err(Error::OffGrid { grid: grid.to_string(), east_m: x, north_m: y })
     }
 
     /// Where the map's origin is.
     pub fn origin(&self) -> Geodetic {
-        let Origin { latitude_deg, longitude_deg, altitude_m, .. } = self.origin;
-        Geodetic { latitude_deg, longitude_deg, altitude_m }
+        match &self.0 {
+            Metres::Origin { origin: Origin { latitude_deg, longitude_deg, altitude_m, .. }, .. } => {
+                Geodetic { latitude_deg: *latitude_deg, longitude_deg: *longitude_deg, altitude_m: *altitude_m }
+            }
+            Metres::Grid { .. } => self.place(&Point3::origin()),
+        }
     }
 
     /// Metres east, north and up of the map's origin, in the plane that touches the Earth
     /// there, of a point of the map.
     pub fn enu_m(&self, map: &Point3<f64>) -> Point3<f64> {
-        match self.projection {
-            Projection::Topocentric => self.projected_m(map),
-            Projection::Mercator => self.origin().enu_m(&self.place(map)),
+        match &self.0 {
+            Metres::Origin { projection: Projection::Topocentric, turn, .. } => projected_m(turn, map),
+            _ => self.origin().enu_m(&self.place(map)),
         }
     }
 
-    /// The place on the Earth of a point of the map.
+    /// The place on the Earth of a point of the map. In a grid its altitude is the height that
+    /// the survey says.
     pub fn place(&self, map: &Point3<f64>) -> Geodetic {
-        let projected_m = self.projected_m(map);
-        match self.projection {
-            Projection::Topocentric => self.origin().offset(&projected_m),
-            Projection::Mercator => {
-                let [latitude_deg, longitude_deg] = self.mercator().degrees(projected_m.x, projected_m.y);
-                Geodetic { latitude_deg, longitude_deg, altitude_m: self.origin.altitude_m + projected_m.z }
+        match &self.0 {
+            Metres::Origin { projection: Projection::Topocentric, turn, .. } => {
+                self.origin().offset(&projected_m(turn, map))
+            }
+            Metres::Origin { origin, projection: Projection::Mercator, turn } => {
+                let at = projected_m(turn, map);
+                let [latitude_deg, longitude_deg] = mercator(origin).degrees(at.x, at.y);
+                Geodetic { latitude_deg, longitude_deg, altitude_m: origin.altitude_m + at.z }
+            }
+            Metres::Grid { grid, world, reduced_by_m } => {
+                let survey = world.survey_from_map(*reduced_by_m, map);
+                let [latitude_deg, longitude_deg] = grid.degrees([survey.x, survey.y]);
+                Geodetic { latitude_deg, longitude_deg, altitude_m: survey.z }
             }
         }
     }
 
-    /// The point of the map at a place on the Earth: the inverse of [`Self::place`].
+    /// The point of the map at a place on the Earth: the inverse of [`Self::place`]. NaN where
+    /// a grid does not reach.
     pub fn map_from_place(&self, place: &Geodetic) -> Point3<f64> {
-        let projected_m = match self.projection {
-            Projection::Topocentric => self.origin().enu_m(place),
-            Projection::Mercator => {
-                let [east_m, north_m] = self.mercator().metres(place.latitude_deg, place.longitude_deg);
-                Point3::new(east_m, north_m, place.altitude_m - self.origin.altitude_m)
+        let (turn, at) = match &self.0 {
+            Metres::Origin { projection: Projection::Topocentric, turn, .. } => (turn, self.origin().enu_m(place)),
+            Metres::Origin { origin, projection: Projection::Mercator, turn } => {
+                let [east_m, north_m] = mercator(origin).metres(place.latitude_deg, place.longitude_deg);
+                (turn, Point3::new(east_m, north_m, place.altitude_m - origin.altitude_m))
+            }
+            Metres::Grid { grid, world, reduced_by_m } => {
+                let [east_m, north_m] = grid.metres([place.latitude_deg, place.longitude_deg]);
+                return world.map_from_survey(*reduced_by_m, &Point3::new(east_m, north_m, place.altitude_m));
             }
         };
-        self.turn.inverse() * Point3::new(projected_m.x, -projected_m.z, projected_m.y)
+        turn.inverse() * Point3::new(at.x, -at.z, at.y)
     }
 
     /// The bearing of a direction of the map at a point of it, radians clockwise from north,
@@ -203,15 +275,45 @@ impl OnEarth {
         (self.map_from_place(&ahead) - self.map_from_place(place)).normalize()
     }
 
-    /// Metres east, north and up of the map's origin in its projection.
-    fn projected_m(&self, map: &Point3<f64>) -> Point3<f64> {
-        let turned = self.turn * map;
-        Point3::new(turned.x, turned.z, -turned.y)
+    /// The frame in words, for people.
+    pub fn note(&self) -> String {
+        match &self.0 {
+            Metres::Origin { origin: o, projection, .. } => {
+                let metres = match projection {
+                    Projection::Topocentric => "",
+                    Projection::Mercator => ", and its metres are those of KITTI's development kit",
+                };
+                format!(
+                    "WGS 84; the map's origin is at {} N {} E, {} m, heading {} degrees clockwise from north, pitch {}, roll {}{metres}",
+                    o.latitude_deg, o.longitude_deg, o.altitude_m, o.heading_deg, o.pitch_deg, o.roll_deg
+                )
+            }
+            Metres::Grid { grid, .. } => format!("WGS 84, of the survey's coordinates in {grid}, with its heights"),
+        }
     }
+}
 
-    fn mercator(&self) -> Mercator {
-        Mercator::around(self.origin.latitude_deg, self.origin.longitude_deg)
+/// Three coordinates, metres, with commas between them, as a command line has them.
+///
+/// # Errors
+/// What to give instead of what is none.
+pub fn coordinates_m(text: &str) -> Result<Vector3<f64>, String> {
+    let number = |word: &str| word.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+    let numbers: Option<Vec<f64>> = text.split(',').map(number).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) => Ok(Vector3::new(x, y, z)),
+        _ => Err("give three finite numbers, in metres".into()),
     }
+}
+
+/// Metres east, north and up of a map's origin in its projection.
+fn projected_m(turn: &UnitQuaternion<f64>, map: &Point3<f64>) -> Point3<f64> {
+    let turned = turn * map;
+    Point3::new(turned.x, turned.z, -turned.y)
+}
+
+fn mercator(origin: &Origin) -> Mercator {
+    Mercator::around(origin.latitude_deg, origin.longitude_deg)
 }
 
 #[cfg(test)]
@@ -268,6 +370,19 @@ mod tests {
     }
 
     #[test]
+    fn a_map_in_a_grid_looks_where_its_survey_does() {
+        // UTM, 3 degrees east of its meridian: grid north is 2.3 degrees off.
+        let frame = OnEarth::in_grid("EPSG:25832".parse().unwrap(), World::ZUp, [720_000.0, 5_430_000.0, 0.0]).unwrap();
+        let [east, left] = [Vector3::z(), -Vector3::x()].map(|way| frame.bearing_rad(&Point3::origin(), &way));
+        let convergence_rad = 3.0_f64.to_radians().tan() * frame.origin().latitude_deg.to_radians().sin();
+        let turned_rad = [east - std::f64::consts::FRAC_PI_2, left];
+        assert!(turned_rad.iter().all(|rad| (rad - convergence_rad).abs() < 1e-3), "{turned_rad:?}");
+        assert!(frame.note().contains("EPSG:25832"), "{}", frame.note());
+        let off = OnEarth::in_grid("EPSG:25832".parse().unwrap(), World::ZUp, [1e12, 0.0, 0.0]);
+        assert!(off.unwrap_err().to_string().contains("EPSG:25832"));
+    }
+
+    #[test]
     fn an_origin_that_is_none_is_told() {
         for (text, part) in [
             ("49,8", "it has 2 numbers"),
@@ -302,6 +417,27 @@ mod tests {
                 let back_rad = frame.bearing_rad(&map, &direction);
                 let off_rad = (back_rad - yaw_rad).sin();
                 prop_assert!(off_rad.abs() < 1e-5, "{off_rad}");
+            }
+        }
+
+        #[test]
+        fn what_a_survey_has_in_a_grid_comes_back(
+            (x, y, z) in (-2e4..2e4_f64, -500.0..500.0_f64, -2e4..2e4_f64),
+            bearing_rad in 0.0..std::f64::consts::TAU,
+        ) {
+            for world in [World::CameraAxes, World::ZUp] {
+                // Of an axis that the other world has for its height nothing is taken off.
+                let reduced_by_m =
+                    if world == World::ZUp { [450_000.0, 5_420_000.0, 100.0] } else { [450_000.0, 0.0, 5_420_000.0] };
+                let frame = OnEarth::in_grid("EPSG:25832".parse().unwrap(), world, reduced_by_m).unwrap();
+                let map = Point3::new(x, y, z);
+                let place = frame.place(&map);
+                prop_assert!((48.0..50.0).contains(&place.latitude_deg), "{place:?}");
+                prop_assert!((frame.map_from_place(&place) - map).norm() < 1e-5);
+                let direction = frame.direction_map(&place, bearing_rad);
+                prop_assert!((frame.bearing_rad(&map, &direction) - bearing_rad).sin().abs() < 1e-5);
+                let survey = world.survey_from_map(reduced_by_m, &map);
+                prop_assert!((world.map_from_survey(reduced_by_m, &survey) - map).norm() < 1e-6);
             }
         }
 

@@ -289,12 +289,12 @@ pub enum Error {
     },
     /// Other coordinates for a format that has the map's.
     #[error(
-        "the paper's text has the map's own coordinates only: leave --origin and --coordinates away, or export as CSV or GeoJSON"
+        "the paper's text has the map's own coordinates only: leave --origin, --crs and --coordinates away, or export as CSV or GeoJSON"
     )]
     MapFrameOnly,
     /// A map of whose place in the survey's world nothing is known.
     #[error(
-        "{}: nothing beside it says where it is in its survey's world; put the report of its build there ({}), or leave --coordinates away",
+        "{}: nothing beside it says where it is in its survey's world; put the report of its build there ({}), or leave --coordinates and --crs away",
         map.display(),
         report.display()
     )]
@@ -303,6 +303,12 @@ pub enum Error {
         map: PathBuf,
         /// Where its report would be.
         report: PathBuf,
+    },
+    /// A map of which no survey in a grid is known.
+    #[error("{} is in the frame of its first camera, which is in no grid; give --origin instead of --crs", map.display())]
+    NoGrid {
+        /// The map.
+        map: PathBuf,
     },
     /// Maps that are not in one frame.
     #[error(

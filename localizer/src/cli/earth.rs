@@ -1,7 +1,8 @@
 //! The options that say where the map is on the Earth.
 
 use clap::Args;
-use common::earth::{OnEarth, Projection};
+use common::earth::{OnEarth, Projection, World};
+use nalgebra::Vector3;
 
 use crate::Result;
 
@@ -17,14 +18,32 @@ pub struct EarthArgs {
     /// KITTI's poses are in the projection of its development kit.
     #[arg(long, value_enum, default_value_t, requires = "origin")]
     projection: Projection,
+    /// Instead: the grid of the survey that the map was built with, which has z up:
+    /// an EPSG code or a string of PROJ. Altitudes are the survey's heights.
+    #[arg(long, value_name = "EPSG:CODE", conflicts_with = "origin")]
+    crs: Option<String>,
+    /// With `--crs`: what `mapper build` said that it reduced the survey by, metres.
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_parser = common::earth::coordinates_m,
+        allow_hyphen_values = true,
+        requires = "crs",
+        default_value = "0,0,0"
+    )]
+    reduced: Vector3<f64>,
 }
 
 impl EarthArgs {
     /// The map's frame on the Earth, where it is said.
     ///
     /// # Errors
-    /// [`common::Error::BadOrigin`] where it is none.
+    /// [`common::Error::BadOrigin`] and [`common::Error::BadGrid`] where it is none, [`common::Error::OffGrid`] where the grid
+    /// does not reach it.
     pub fn on_earth(&self) -> Result<Option<OnEarth>> {
+        if let Some(grid) = &self.crs {
+            return Ok(Some(OnEarth::in_grid(grid.parse()?, World::ZUp, self.reduced.into())?));
+        }
         let origin = self.origin.as_deref().map(str::parse).transpose()?;
         Ok(origin.map(|origin| OnEarth::new(origin, self.projection)))
     }

@@ -4,13 +4,14 @@ use std::path::PathBuf;
 
 use clap::Args;
 use common::atomic_file;
-use common::earth::Projection;
+use common::earth::{OnEarth, Projection, World};
 use common::map::SemanticMap;
 
 use super::{MapFile, Outcome, print};
 use crate::error::{Error, Result};
 use crate::export::{Coordinates, Format, Frame};
 use crate::frames;
+use crate::input::MapFrame;
 use crate::outputs;
 use crate::report::path_beside;
 
@@ -38,6 +39,11 @@ pub struct Export {
     /// map does.
     #[arg(long, value_name = "LAT,LON,ALT[,HEADING[,PITCH,ROLL]]", allow_hyphen_values = true)]
     origin: Option<String>,
+    /// The grid that the survey is in, an EPSG code or a string of PROJ: with it
+    /// coordinates are WGS 84, of the survey's as the report beside the map has
+    /// them, with its heights.
+    #[arg(long, value_name = "EPSG:CODE", conflicts_with_all = ["origin", "coordinates"])]
+    crs: Option<String>,
     /// What the map's metres are on the Earth: KITTI's poses, and so maps built
     /// of them, are in the projection of its development kit.
     #[arg(long, value_enum, default_value_t, requires = "origin")]
@@ -51,25 +57,37 @@ impl Export {
         let format = self.format.map_or_else(|| Format::of(&self.out), Ok)?;
         let bytes = std::fs::read(&self.file.map).map_err(common::Error::io(&self.file.map))?;
         let map = SemanticMap::decode(&bytes).map_err(common::Error::in_file(&self.file.map))?;
-        let frame = match (&self.origin, self.coordinates) {
-            (Some(text), _) => Frame::wgs84(text.parse()?, self.projection),
-            (None, Coordinates::Map) => Frame::Local(frames::beside(&self.file.map, &bytes)),
-            (None, Coordinates::Survey) => {
-                Frame::Survey(frames::beside(&self.file.map, &bytes).ok_or_else(|| self.no_survey_frame())?)
-            }
-        };
+        let frame = self.frame(&bytes)?;
         let text = format.text(&map, &frame)?;
         atomic_file::write(&self.out, text.as_bytes())?;
         print(&format!("{}: {} bytes, {}\n", self.out.display(), text.len(), frame.note()));
-        if format == Format::Geojson && self.origin.is_none() {
+        if format == Format::Geojson && !matches!(frame, Frame::Earth(_)) {
             let what = if self.coordinates == Coordinates::Survey { "the survey's grid" } else { "local metres" };
             print(&format!("GIS programs take GeoJSON for degrees: set {what} there, or give --origin\n"));
         }
         Ok(Outcome::Done)
     }
 
-    fn no_survey_frame(&self) -> Error {
-        let map = self.file.map.clone();
-        Error::NoSurveyFrame { report: path_beside(&map), map }
+    /// What the coordinates are, of a map of these bytes.
+    fn frame(&self, bytes: &[u8]) -> Result<Frame> {
+        let known = frames::beside(&self.file.map, bytes);
+        let survey = || {
+            let map = self.file.map.clone();
+            known.ok_or_else(|| Error::NoSurveyFrame { report: path_beside(&map), map })
+        };
+        if let Some(text) = &self.origin {
+            return Ok(Frame::Earth(OnEarth::new(text.parse()?, self.projection)));
+        }
+        if let Some(grid) = &self.crs {
+            let MapFrame { world, reduced_by_m, .. } = survey()?;
+            if world == World::FirstCamera {
+                return Err(Error::NoGrid { map: self.file.map.clone() });
+            }
+            return Ok(Frame::Earth(OnEarth::in_grid(grid.parse()?, world, reduced_by_m)?));
+        }
+        match self.coordinates {
+            Coordinates::Map => Ok(Frame::Local(known)),
+            Coordinates::Survey => Ok(Frame::Survey(survey()?)),
+        }
     }
 }

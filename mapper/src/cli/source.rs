@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use common::earth::coordinates_m;
 use common::kitti::{RawDrive, Sequence};
 use nalgebra::Vector3;
 
@@ -117,15 +118,5 @@ impl SourceArgs {
             scan_times: self.scan_times.as_deref(),
             reduced_by_m: self.reduce,
         }
-    }
-}
-
-/// Three numbers with commas between them; else what is wrong.
-fn coordinates_m(text: &str) -> std::result::Result<Vector3<f64>, String> {
-    let number = |word: &str| word.trim().parse::<f64>().ok().filter(|v| v.is_finite());
-    let numbers: Option<Vec<f64>> = text.split(',').map(number).collect();
-    match numbers.as_deref() {
-        Some(&[x, y, z]) => Ok(Vector3::new(x, y, z)),
-        _ => Err("give three finite numbers, in metres".into()),
     }
 }

@@ -1,6 +1,6 @@
 //! The frame of exported coordinates: local metres, the survey's world, or the Earth.
 
-use common::earth::{Geodetic, OnEarth, Origin, Projection};
+use common::earth::{Geodetic, OnEarth};
 use nalgebra::Point3;
 
 use crate::input::MapFrame;
@@ -17,7 +17,7 @@ pub enum Coordinates {
 }
 
 /// The frame of exported coordinates.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone)]
 pub enum Frame {
     /// Metres: x right, y forward, z up of the map's origin. With what is known of where that is.
     Local(Option<MapFrame>),
@@ -28,11 +28,6 @@ pub enum Frame {
 }
 
 impl Frame {
-    /// WGS 84, of a map whose origin is there.
-    pub fn wgs84(origin: Origin, projection: Projection) -> Self {
-        Self::Earth(OnEarth::new(origin, projection))
-    }
-
     /// A point of the map in metres, z up: x east, y north of its origin where that is known, in
     /// the survey's world, or x right, y forward of its origin.
     pub fn metres(&self, map: &Point3<f64>) -> Point3<f64> {
@@ -81,16 +76,7 @@ impl Frame {
                 format!("local metres: x right, y forward, z up {of}")
             }
             Self::Survey(known) => format!("metres of {}", known.survey_note()),
-            Self::Earth(OnEarth { origin: o, projection, .. }) => {
-                let metres = match projection {
-                    Projection::Topocentric => "",
-                    Projection::Mercator => ", and its metres are those of KITTI's development kit",
-                };
-                format!(
-                    "WGS 84; the map's origin is at {} N {} E, {} m, heading {} degrees clockwise from north, pitch {}, roll {}{metres}",
-                    o.latitude_deg, o.longitude_deg, o.altitude_m, o.heading_deg, o.pitch_deg, o.roll_deg
-                )
-            }
+            Self::Earth(on_earth) => on_earth.note(),
         }
     }
 }
@@ -116,13 +102,16 @@ pub fn rounded(value: f64, digits: i32) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use common::earth::Projection;
+
     use super::*;
 
     #[test]
     fn local_metres_are_right_forward_and_up() {
         let at = Point3::new(1.0, 2.0, 3.0);
         assert_eq!(Frame::Local(None).metres(&at), Point3::new(1.0, 3.0, -2.0));
-        let ahead = Frame::wgs84("49,8,100,90".parse().unwrap(), Projection::Topocentric).metres(&at);
+        let east = OnEarth::new("49,8,100,90".parse().unwrap(), Projection::Topocentric);
+        let ahead = Frame::Earth(east).metres(&at);
         assert!((ahead - Point3::new(3.0, -1.0, -2.0)).norm() < 1e-9, "{ahead}");
     }
 

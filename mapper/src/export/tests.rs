@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use common::earth::Projection;
+use common::earth::{OnEarth, Projection, World};
 use common::map::{LaneKind, LaneLine, Pole, PoleKind, Road, RoadId, SemanticMap, Sign, SignKind};
 use nalgebra::{Point3, Vector3};
 use quick_xml::events::Event;
@@ -35,7 +35,7 @@ fn map() -> SemanticMap {
 }
 
 fn wgs84() -> Frame {
-    Frame::wgs84("49.0337,8.395,114,62".parse().unwrap(), Projection::Topocentric)
+    Frame::Earth(OnEarth::new("49.0337,8.395,114,62".parse().unwrap(), Projection::Topocentric))
 }
 
 /// Elements of an OSM file with their attributes and tags.
@@ -194,6 +194,16 @@ fn the_survey_s_world_is_exported_in_its_own_coordinates() {
     assert!((lat - 4.5 / 110_574.0).abs() < 1e-7 && (lon - 30.0 / 111_320.0).abs() < 1e-7, "{lat} {lon}");
     let json = Format::Geojson.text(&map(), &utm).unwrap();
     assert!(json.contains("450030.0,5420004.5,98.4") && json.contains("the survey's world"), "{json}");
+}
+
+#[test]
+fn a_survey_in_a_grid_is_exported_in_degrees() {
+    let grid =
+        OnEarth::in_grid("EPSG:25832".parse().unwrap(), World::ZUp, [456_084.596, 5_427_624.704, 100.0]).unwrap();
+    // 30 m forward, which is east, 4.5 m to the left: 49 N 8.4 E by Krueger's series.
+    let [longitude, latitude, altitude] = Frame::Earth(grid).position(&map().poles[0].foot_map);
+    let off = [longitude - 8.4, latitude - 49.0, (altitude - 98.4) * 1e-5];
+    assert!(off.iter().all(|off| off.abs() < 1e-8), "{longitude} {latitude} {altitude}");
 }
 
 #[test]

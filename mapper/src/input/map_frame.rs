@@ -1,7 +1,7 @@
 //! What places a map in the world, as its input tells: kept beside the map, in the report of
 //! its build, for whoever exports it, and with the maps that a merged one was made of.
 
-use common::earth::Origin;
+use common::earth::{Origin, World};
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -23,18 +23,6 @@ pub struct MapFrame {
     pub origin: Option<Origin>,
 }
 
-/// The world of a survey, and how the map's axes (x right, y down, z forward) lie in it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum World {
-    /// Camera 0 at the first frame, as KITTI has it: the map's axes are its own.
-    FirstCamera,
-    /// A world with the axes of a camera: the map's are the same.
-    CameraAxes,
-    /// A world with z up: map x is its -y, map y its -z, map z its x.
-    ZUp,
-}
-
 impl MapFrame {
     /// The frame of KITTI's drives; with `origin` of its raw recordings.
     pub fn of_first_camera(origin: Option<Origin>) -> Self {
@@ -53,11 +41,7 @@ impl MapFrame {
     /// The place in the survey's world, metres, of a point of the map. All worlds have z up
     /// here, as clouds have it: of one with the axes of a camera x right, y forward, z up.
     pub fn survey_from_map(&self, map: &Point3<f64>) -> Point3<f64> {
-        let [x, y, z] = self.reduced_by_m;
-        match self.world {
-            World::FirstCamera | World::CameraAxes => Point3::new(map.x + x, map.z + z, -(map.y + y)),
-            World::ZUp => Point3::new(map.z + x, y - map.x, z - map.y),
-        }
+        self.world.survey_from_map(self.reduced_by_m, map)
     }
 
     /// Whether the metres of two maps are those of one frame, as far as is known. One world may

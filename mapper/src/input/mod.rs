@@ -32,7 +32,7 @@ use common::kitti::{RawDrive, Scan, Sequence};
 pub(crate) use self::beams::Steps;
 pub use self::config::InputConfig;
 pub use self::deskew::Deskew;
-pub use self::map_frame::{MapFrame, World};
+pub use self::map_frame::MapFrame;
 pub use self::raw::open_raw;
 pub use self::scans::{ScanInput, open_scans};
 pub use self::stitched::open_stitched;

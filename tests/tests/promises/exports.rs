@@ -38,6 +38,7 @@ fn what_cannot_be_exported_is_told_and_leaves_no_file() {
     refused("map.osm", &["--origin", "49,8"], &["--origin 49,8", "it has 2 numbers", "LAT,LON,ALT"]);
     refused("map.osm", &["--origin", "-91,8,0"], &["latitude must be within"]);
     refused("map.txt", &["--origin", "49,8,0"], &["the map's own coordinates only"]);
+    refused("map.csv", &["--crs", "EPSG:25832"], &["street.csm", "its first camera", "--origin"]);
     refused("map.txt", &["--coordinates", "survey"], &["the map's own coordinates only"]);
     let both =
         run("mapper", &["export", text(&map), "--out", "m.csv", "--coordinates", "survey", "--origin", "49,8,0"]);

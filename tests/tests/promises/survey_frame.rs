@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
+use common::earth::Grid;
 use common::geometry::Pose;
 use common::kitti::{read_poses, write_poses};
 
@@ -99,6 +100,57 @@ fn a_map_and_its_cloud_lie_on_each_other_in_the_coordinates_of_the_survey() {
 /// How far a pole's ends are apart, seen from above, metres.
 fn off_m(foot: &[f64; 3], top: &[f64; 3]) -> f64 {
     (foot[0] - top[0]).hypot(foot[1] - top[1])
+}
+
+/// Degrees north and east of a place in the survey's grid.
+fn degrees(east_m: f64, north_m: f64) -> [f64; 2] {
+    "EPSG:25832".parse::<Grid>().unwrap().degrees([east_m, north_m])
+}
+
+#[test]
+fn a_map_of_a_grid_is_exported_in_degrees() {
+    let map = UTM.join("a.csm");
+    let (survey, earth) = (rows(&map, &["--coordinates", "survey"]), rows(&map, &["--crs", "EPSG:25832"]));
+    assert!(survey.len() == earth.len() && !survey.is_empty());
+    for ((_, _, [east_m, north_m, height_m]), (_, _, [longitude, latitude, altitude_m])) in survey.iter().zip(&earth) {
+        let [north_deg, east_deg] = degrees(*east_m, *north_m);
+        assert!((north_deg - latitude).abs() < 2e-8 && (east_deg - longitude).abs() < 2e-8, "{latitude} {longitude}");
+        assert!((height_m - altitude_m).abs() < 2e-3);
+    }
+    let out = UTM.join("none.csv");
+    for (crs, parts) in [("EPSG:4326", ["EPSG:4326", "no grid of metres"]), ("UTM32", ["--crs UTM32", "an EPSG code"])]
+    {
+        run("mapper", &["export", text(&map), "--out", text(&out), "--crs", crs]).refused(&parts);
+    }
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_camera_with_a_receiver_finds_itself_in_a_map_of_a_grid() {
+    let folder = tempfile::tempdir().unwrap();
+    let (gps, out) = (folder.path().join("gps.txt"), folder.path().join("out"));
+    let survey = read_poses(UTM.join("utm.txt")).unwrap();
+    let fixes: Vec<String> = (0..2)
+        .map(|frame: usize| {
+            let at = survey[frame].translation.vector;
+            let [latitude, longitude] = degrees(at.x + 1.0, at.y - 0.8);
+            format!("{} {latitude} {longitude} {}\n", 0.1 * frame as f64, at.z)
+        })
+        .collect();
+    std::fs::write(&gps, fixes.concat()).unwrap();
+    let (map, labels) = (UTM.join("a.csm"), DEMO.file("drive/sequences/00/labels_2"));
+    let given = ["--gps", text(&gps), "--crs", "EPSG:25832", "--reduced", "450000,5420000,0", "--last", "15"];
+    let drive = DEMO.file("drive");
+    let words = ["run", "--map", text(&map), "--kitti", text(&drive), "--sequence", "00", "--labels", text(&labels)];
+    run("localizer", &[&words[..], &given, &["--out", text(&out)]].concat()).ok();
+    let estimates = std::fs::read_to_string(out.join("estimates.csv")).unwrap();
+    let last: Vec<f64> = estimates.lines().last().unwrap().rsplit(',').take(4).map(|w| w.parse().unwrap()).collect();
+    let [heading_deg, height_m, longitude, latitude] = last[..] else { unreachable!() };
+    // The survey's poses are those of a camera here that looks east, but for the calibration.
+    let at = survey[15].translation.vector;
+    let [north_deg, east_deg] = degrees(at.x, at.y);
+    let off_m = ((latitude - north_deg) * 111_200.0).hypot((longitude - east_deg) * 73_000.0);
+    assert!(off_m < 1.0 && (height_m - at.z).abs() < 1.0 && (heading_deg - 90.0).abs() < 5.0, "{off_m} {last:?} {at}");
 }
 
 #[test]

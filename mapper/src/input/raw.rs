@@ -22,7 +22,9 @@ pub fn open_raw(folder: &Path, calibration: Option<&Path>, choice: Choice, max_r
     let surveyed = drive.survey(times_s.len())?;
     // The poses are those of the development kit.
     let origin_text = origin(&surveyed);
-    let note = format!("origin of the map for `mapper export --projection mercator --origin`: {origin_text}");
+    let note = format!(
+        "where the map is on the Earth, for `export`, `run` and `live`: --origin={origin_text} --projection mercator"
+    );
     // As it is said, to the digit.
     let frame = MapFrame::of_first_camera(origin_text.parse().ok());
     let survey = Survey {

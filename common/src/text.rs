@@ -43,11 +43,24 @@ pub(crate) fn rows(text: &str) -> impl Iterator<Item = (usize, &str)> {
         .filter(|(_, row)| !row.is_empty() && !row.starts_with('#'))
 }
 
+/// The same without a first line that names the columns, as tables have it: as many words as a
+/// pose may have, of which none is a number.
+pub(crate) fn rows_below_names(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let mut rows = rows(text).peekable();
+    rows.next_if(|(_, row)| words(row).count() >= 8 && words(row).all(|word| word.parse::<f64>().is_err()));
+    rows
+}
+
+/// The words of a row, with blanks or commas between them.
+pub fn words(row: &str) -> impl Iterator<Item = &str> {
+    row.split([' ', '\t', ',']).filter(|word| !word.is_empty())
+}
+
 /// Exactly `N` finite numbers.
 pub(crate) fn numbers<const N: usize>(path: &Path, line: usize, row: &str) -> Result<[f64; N]> {
     let mut values = [0.0; N];
     let mut found = 0;
-    for text in row.split_whitespace() {
+    for text in words(row) {
         let value = text.parse::<f64>().ok().filter(|v| v.is_finite());
         let Some(value) = value else {
             return Err(Error::BadNumber { path: path.to_path_buf(), line, text: text.chars().take(40).collect() });

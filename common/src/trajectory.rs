@@ -2,7 +2,9 @@
 //!
 //! A KITTI file has one row per frame of the sequence and no times: a frame
 //! without a pose is a row of twelve `nan`, so that the row number stays the
-//! frame. A TUM file has one line `t tx ty tz qx qy qz qw` per pose.
+//! frame. A TUM file has one line `t tx ty tz qx qy qz qw` per pose. Both are
+//! read with commas between the numbers and names above them, too, as tables are
+//! written.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -63,7 +65,7 @@ impl Trajectory {
     pub fn read_kitti(path: impl AsRef<Path>, times_s: &[f64]) -> Result<Self> {
         let path = path.as_ref();
         let content = text::read(path)?;
-        let rows = text::rows(&content).count();
+        let rows = text::rows_below_names(&content).count();
         if rows > times_s.len() {
             return Err(Error::PoseCount {
                 poses_path: path.to_path_buf(),
@@ -73,8 +75,8 @@ impl Trajectory {
             });
         }
         let mut stamps = Vec::with_capacity(rows);
-        for (frame, ((line, row), &time_s)) in text::rows(&content).zip(times_s).enumerate() {
-            if !row.split_whitespace().all(|value| value.eq_ignore_ascii_case("nan")) {
+        for (frame, ((line, row), &time_s)) in text::rows_below_names(&content).zip(times_s).enumerate() {
+            if !text::words(row).all(|value| value.eq_ignore_ascii_case("nan")) {
                 stamps.push(StampedPose { frame, time_s, map_from_camera: text::pose(path, line, row)? });
             }
         }
@@ -162,7 +164,7 @@ pub fn read_tum_rows(path: impl AsRef<Path>) -> Result<Vec<StampedRow>> {
 
 fn tum_rows_of(path: &Path, content: &str) -> Result<Vec<StampedRow>> {
     let mut rows: Vec<StampedRow> = Vec::new();
-    for (line, row) in text::rows(content) {
+    for (line, row) in text::rows_below_names(content) {
         let [time_s, x, y, z, i, j, k, w] = text::numbers(path, line, row)?;
         if rows.last().is_some_and(|before| before.time_s >= time_s) {
             return Err(Error::TimeOrder { path: path.to_path_buf(), line, time_s });
@@ -197,9 +199,9 @@ pub enum PoseFile {
 pub fn read_pose_file(path: impl AsRef<Path>) -> Result<PoseFile> {
     let path = path.as_ref();
     let content = text::read(path)?;
-    let first = text::rows(&content).next();
+    let first = text::rows_below_names(&content).next();
     let (_, row) = first.ok_or_else(|| Error::NoPoses { path: path.to_path_buf() })?;
-    Ok(if row.split_whitespace().count() == 8 {
+    Ok(if text::words(row).count() == 8 {
         PoseFile::Stamped(tum_rows_of(path, &content)?)
     } else {
         PoseFile::Rows(poses_of(path, &content)?)
@@ -291,6 +293,26 @@ mod tests {
         let back = Trajectory::read_kitti(&path, &TIMES_S).unwrap();
         assert_eq!(back.at_frame(2), Some(&stamp));
         assert_eq!(back.at_frame(1), None);
+    }
+
+    #[test]
+    fn poses_out_of_a_table_are_poses() {
+        let (_folder, path) = file();
+        let trajectory = Trajectory::from_poses(&[Pose::translation(1.0, -2.0, 3.5); 6], &TIMES_S);
+        trajectory.write_tum(&path).unwrap();
+        let commas = |content: String| content.replace(' ', ",");
+        let table = commas(std::fs::read_to_string(&path).unwrap());
+        std::fs::write(&path, format!("# of a receiver\n\"t\",x,y,z,qx,qy,qz,qw\n{table}")).unwrap();
+        assert_same(&trajectory, &Trajectory::read_tum(&path, &TIMES_S).unwrap()).unwrap();
+        assert!(matches!(read_pose_file(&path).unwrap(), PoseFile::Stamped(rows) if rows[0].line == 3));
+        trajectory.write_kitti(&path).unwrap();
+        let rows = commas(std::fs::read_to_string(&path).unwrap());
+        std::fs::write(&path, format!("r11,r12,r13,x,r21,r22,r23,y,r31,r32,r33,z\n{rows}")).unwrap();
+        assert_same(&trajectory, &Trajectory::read_kitti(&path, &TIMES_S).unwrap()).unwrap();
+        assert!(matches!(read_pose_file(&path).unwrap(), PoseFile::Rows(poses) if poses.len() == 6));
+        // Names amid the numbers are a fault, with its line.
+        std::fs::write(&path, format!("{rows}r11,r12,r13,x,r21,r22,r23,y,r31,r32,r33,z\n")).unwrap();
+        assert!(matches!(read_pose_file(&path), Err(Error::BadNumber { line: 7, .. })));
     }
 
     #[test]

@@ -192,7 +192,7 @@ pub fn read_poses(path: impl AsRef<Path>) -> Result<Vec<Pose>> {
 
 /// The KITTI poses of a file that was read.
 pub(crate) fn poses_of(path: &Path, content: &str) -> Result<Vec<Pose>> {
-    text::rows(content).map(|(line, row)| text::pose(path, line, row)).collect()
+    text::rows_below_names(content).map(|(line, row)| text::pose(path, line, row)).collect()
 }
 
 /// Writes KITTI poses: a 3x4 matrix per row, `map_from_camera`.

@@ -102,11 +102,11 @@ fn read(args: &EvalArgs) -> Result<(Vec<Recorded>, Vec<Timing>)> {
     Ok((trajectory.stamps.iter().map(recorded).collect(), Vec::new()))
 }
 
-/// Columns of the first row of a text file.
+/// Columns of the first row of a text file; a row of names has as many as those below it.
 fn columns(path: &Path) -> Result<usize> {
     let text = common::read_text(path)?;
     let mut rows = text.lines().map(str::trim).filter(|row| !row.is_empty() && !row.starts_with('#'));
-    Ok(rows.next().map_or(0, |row| row.split_whitespace().count()))
+    Ok(rows.next().map_or(0, |row| common::words(row).count()))
 }
 
 /// The figures as lines of text, the paper's beside.

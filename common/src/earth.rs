@@ -193,14 +193,11 @@ impl OnEarth {
     /// # Errors
     /// [`Error::OffGrid`] where the grid does not reach the map.
     pub fn in_grid(grid: Grid, world: World, reduced_by_m: [f64; 3]) -> Result<Self, Error> {
-        let frame = Self(Metres::Grid { grid: Box::new(grid), world, reduced_by_m });
-        let Geodetic { latitude_deg, longitude_deg, .. } = frame.origin();
-        if latitude_deg.is_finite() && longitude_deg.is_finite() {
-            return Ok(frame);
+        let at = world.survey_from_map(reduced_by_m, &Point3::origin());
+        if grid.degrees([at.x, at.y]).iter().all(|degrees| degrees.is_finite()) {
+            return Ok(Self(Metres::Grid { grid: Box::new(grid), world, reduced_by_m }));
         }
-        let Metres::Grid { grid, .. } = frame.0 else { return Ok(frame) };
-        let [x, y, _] = world.survey_from_map(reduced_by_m, &Point3::origin()).into();
-        Err(Error::OffGrid { grid: grid.to_string(), east_m: x, north_m: y })
+        Err(Error::OffGrid { grid: grid.to_string(), east_m: at.x, north_m: at.y })
     }
 
     /// Where the map's origin is.

@@ -53,7 +53,7 @@ pub(crate) fn rows_below_names(text: &str) -> impl Iterator<Item = (usize, &str)
 
 /// The words of a row, with blanks or commas between them.
 pub fn words(row: &str) -> impl Iterator<Item = &str> {
-    row.split([' ', '\t', ',']).filter(|word| !word.is_empty())
+    row.split(|c: char| c == ',' || c.is_whitespace()).filter(|word| !word.is_empty())
 }
 
 /// Exactly `N` finite numbers.

@@ -127,8 +127,9 @@ pub enum Error {
     },
     /// A row of a GPS file that is no place on the Earth, of a map that is on it.
     #[error(
-        "{} line {line} is no place within 2,000 km of `--origin`; give `t latitude longitude altitude`, \
-         degrees north and east, and metres, with or without a course in degrees clockwise from north",
+        "{} line {line} is no place within 2,000 km of where `--origin`, or `--crs` and `--reduced`, have the map; give \
+         `t latitude longitude altitude`, degrees north and east, and metres, with or without a course in degrees \
+         clockwise from north",
         path.display()
     )]
     GpsPlace {

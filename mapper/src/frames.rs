@@ -62,5 +62,7 @@ mod tests {
         assert!(said.contains(frames) && said.contains("--reduce"), "{said}");
         assert!(put(&[Some(raw("49,8,100")), Some(MapFrame::of_first_camera(None))]).is_ok());
         assert!(put(&[Some(raw("49,8,100")), Some(raw("49,8.1,100"))]).is_err());
+        assert!(put(&[Some(raw("49,8,100,30")), Some(raw("49,8.000000000000002,100,30"))]).is_ok());
+        assert!(put(&[Some(raw("49,8,100,30")), Some(raw("49,8,100,31"))]).is_err());
     }
 }

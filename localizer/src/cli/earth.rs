@@ -38,8 +38,8 @@ impl EarthArgs {
     /// The map's frame on the Earth, where it is said.
     ///
     /// # Errors
-    /// [`common::Error::BadOrigin`] and [`common::Error::BadGrid`] where it is none, [`common::Error::OffGrid`] where the grid
-    /// does not reach it.
+    /// [`common::Error::BadOrigin`] and [`common::Error::BadGrid`] where it is none,
+    /// [`common::Error::OffGrid`] where the grid does not reach it.
     pub fn on_earth(&self) -> Result<Option<OnEarth>> {
         if let Some(grid) = &self.crs {
             return Ok(Some(OnEarth::in_grid(grid.parse()?, World::ZUp, self.reduced.into())?));

@@ -34,8 +34,8 @@ enum Place {
 /// altitude`, or with a course behind, as [`GpsFix::of_place`] takes them.
 ///
 /// # Errors
-/// [`Error::GpsRow`], [`Error::GpsPlace`] and [`Error::GpsFrame`] at their line, [`Error::GpsTime`] where
-/// no fix belongs to any frame, and [`common::Error::Io`],
+/// [`Error::GpsRow`], [`Error::GpsPlace`] and [`Error::GpsFrame`] at their line,
+/// [`Error::GpsTime`] where no fix belongs to any frame, and [`common::Error::Io`],
 /// [`common::Error::NotText`], [`common::Error::BadNumber`],
 /// [`common::Error::NotARotation`] or [`common::Error::Mirrors`].
 pub fn read(path: &Path, times_s: &[f64], config: &GpsConfig, on_earth: Option<&OnEarth>) -> Result<FixFile> {

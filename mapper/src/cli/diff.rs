@@ -1,9 +1,10 @@
 //! `mapper diff`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use common::config::load_or_default;
+use common::map::SemanticMap;
 
 use super::{ConfigArgs, Outcome, print, print_json};
 use crate::diff::{DiffConfig, LIMITS, MapDiff};
@@ -47,11 +48,7 @@ impl Diff {
             return Ok(Outcome::Done);
         };
         let mut frame = OneFrame::default();
-        for map in [old, new] {
-            let bytes = std::fs::read(map).map_err(common::Error::io(map))?;
-            frame.add(map, frames::beside(map, &bytes))?;
-        }
-        let diff = MapDiff::of(&extent::read(old)?, &extent::read(new)?, &config);
+        let diff = MapDiff::of(&read(old, &mut frame)?, &read(new, &mut frame)?, &config);
         if self.json {
             print_json(&diff)?;
         } else {
@@ -59,4 +56,13 @@ impl Diff {
         }
         Ok(if diff.is_empty() { Outcome::Done } else { Outcome::Failed })
     }
+}
+
+/// A map of the same frame as those before it. What is no file is read but once.
+fn read(path: &Path, frame: &mut OneFrame) -> Result<SemanticMap> {
+    let bytes = std::fs::read(path).map_err(common::Error::io(path))?;
+    let map = SemanticMap::decode(&bytes).map_err(common::Error::in_file(path))?;
+    extent::check(&map, &path.display().to_string())?;
+    frame.add(path, frames::beside(path, &bytes))?;
+    Ok(map)
 }

@@ -62,8 +62,11 @@ impl Export {
         atomic_file::write(&self.out, text.as_bytes())?;
         print(&format!("{}: {} bytes, {}\n", self.out.display(), text.len(), frame.note()));
         if format == Format::Geojson && !matches!(frame, Frame::Earth(_)) {
-            let what = if self.coordinates == Coordinates::Survey { "the survey's grid" } else { "local metres" };
-            print(&format!("GIS programs take GeoJSON for degrees: set {what} there, or give --origin\n"));
+            let (what, option) = match self.coordinates {
+                Coordinates::Map => ("local metres", "--origin"),
+                Coordinates::Survey => ("the survey's grid", "--crs"),
+            };
+            print(&format!("GIS programs take GeoJSON for degrees: set {what} there, or give {option}\n"));
         }
         Ok(Outcome::Done)
     }

@@ -9,6 +9,9 @@ use super::survey::SurveyFrame;
 
 /// What two frames are told apart by, metres: the step of a map's coordinates.
 const LEAST_APART_M: f64 = 0.01;
+/// The same of places on the Earth and of bearings, degrees: a centimetre, at the origin and
+/// some metres from it. What is written as text and read comes back with another last bit.
+const LEAST_APART_DEG: f64 = 1e-7;
 
 /// The frame of a map.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -47,10 +50,22 @@ impl MapFrame {
     /// Whether the metres of two maps are those of one frame, as far as is known. One world may
     /// be given with z up or with the axes of a camera.
     pub fn may_be(&self, other: &Self) -> bool {
-        let is_one = |a: f64, b: f64| (a - b).abs() < LEAST_APART_M;
-        let origins = self.origin.zip(other.origin);
         let [ours, others] = [self, other].map(Self::reduced_by_map_m);
-        ours.iter().zip(&others).all(|(a, b)| is_one(*a, *b)) && origins.is_none_or(|(ours, other)| ours == other)
+        let is_one = |a: f64, b: f64, least: f64| (a - b).abs() < least;
+        let is_one_place = |a: Origin, b: Origin| {
+            is_one(a.altitude_m, b.altitude_m, LEAST_APART_M)
+                && [
+                    (a.latitude_deg, b.latitude_deg),
+                    (a.longitude_deg, b.longitude_deg),
+                    (a.heading_deg, b.heading_deg),
+                    (a.pitch_deg, b.pitch_deg),
+                    (a.roll_deg, b.roll_deg),
+                ]
+                .iter()
+                .all(|(a, b)| is_one(*a, *b, LEAST_APART_DEG))
+        };
+        ours.iter().zip(&others).all(|(a, b)| is_one(*a, *b, LEAST_APART_M))
+            && self.origin.zip(other.origin).is_none_or(|(ours, other)| is_one_place(ours, other))
     }
 
     /// What was taken off the survey's coordinates, along the axes of the map.

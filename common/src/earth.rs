@@ -1,172 +1,20 @@
 //! Where a map is on the Earth: its metres as latitude, longitude and altitude, and back.
 
+mod error;
+mod geodetic;
 mod grid;
+mod origin;
+mod world;
 
-use std::fmt;
-use std::str::FromStr;
-
-use map_3d::{Ellipsoid, enu2geodetic, geodetic2enu};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
-use serde::{Deserialize, Serialize};
 
+pub use self::error::PlaceError;
+pub use self::geodetic::Geodetic;
 pub use self::grid::Grid;
+pub use self::origin::{Origin, Projection};
+pub use self::world::World;
 use crate::Error;
-use crate::geometry::PoseParameters;
 use crate::kitti::Mercator;
-
-/// Where on the Earth the origin of a map is, and how its axes lie.
-///
-/// Written as `LAT,LON,ALT[,HEADING[,PITCH,ROLL]]`, degrees and metres.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Origin {
-    /// Latitude of the map's origin, WGS 84, degrees north.
-    pub latitude_deg: f64,
-    /// Longitude, degrees east.
-    pub longitude_deg: f64,
-    /// Height above the ellipsoid, metres: above sea level, if that is what
-    /// all other heights are, too.
-    pub altitude_m: f64,
-    /// Compass bearing of the map's z axis (forward), degrees clockwise from
-    /// north.
-    pub heading_deg: f64,
-    /// How far the z axis points up, degrees.
-    pub pitch_deg: f64,
-    /// How far the map is tilted to the right about its z axis, degrees.
-    pub roll_deg: f64,
-}
-
-impl FromStr for Origin {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self, Error> {
-        let wrong = |what: String| Error::BadOrigin { text: text.to_owned(), what };
-        let mut values = [0.0; 6];
-        let mut count = 0;
-        for word in text.split(',') {
-            let value = word.trim().parse::<f64>().ok().filter(|v| v.is_finite());
-            let value = value.ok_or_else(|| wrong(format!("`{word}` is not a finite number")))?;
-            if let Some(slot) = values.get_mut(count) {
-                *slot = value;
-            }
-            count += 1;
-        }
-        if ![3, 4, 6].contains(&count) {
-            return Err(wrong(format!("it has {count} numbers")));
-        }
-        let [latitude_deg, longitude_deg, altitude_m, heading_deg, pitch_deg, roll_deg] = values;
-        // At the poles there is no east.
-        if latitude_deg.abs() > 89.9 || longitude_deg.abs() > 180.0 {
-            return Err(wrong("the latitude must be within 89.9 and the longitude within 180 degrees".into()));
-        }
-        Ok(Self { latitude_deg, longitude_deg, altitude_m, heading_deg, pitch_deg, roll_deg })
-    }
-}
-
-impl fmt::Display for Origin {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let Self { latitude_deg, longitude_deg, altitude_m, heading_deg, pitch_deg, roll_deg } = self;
-        write!(f, "{latitude_deg},{longitude_deg},{altitude_m},{heading_deg},{pitch_deg},{roll_deg}")
-    }
-}
-
-impl Origin {
-    /// `enu_from_map` without its axes' names: east, down, north.
-    fn turn(&self) -> UnitQuaternion<f64> {
-        let parameters = PoseParameters {
-            x_m: 0.0,
-            y_m: 0.0,
-            z_m: 0.0,
-            // About the axis down: to the right, as a bearing.
-            yaw_rad: self.heading_deg.to_radians(),
-            pitch_rad: self.pitch_deg.to_radians(),
-            roll_rad: self.roll_deg.to_radians(),
-        };
-        parameters.to_pose().rotation
-    }
-}
-
-/// What the metres of a map's frame are on the Earth.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-pub enum Projection {
-    /// Metres east, north and up of a plane that touches the Earth at the map's
-    /// origin.
-    #[default]
-    Topocentric,
-    /// Those of KITTI's development kit: Mercator's projection of a sphere, true
-    /// at the map's origin, with altitudes for heights.
-    Mercator,
-}
-
-/// A place on the Earth.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Geodetic {
-    /// Degrees north, WGS 84.
-    pub latitude_deg: f64,
-    /// Degrees east.
-    pub longitude_deg: f64,
-    /// Metres.
-    pub altitude_m: f64,
-}
-
-impl Geodetic {
-    /// The place that is so many metres east, north and up of this one, in the plane that
-    /// touches the Earth here.
-    #[must_use]
-    pub fn offset(&self, enu_m: &Point3<f64>) -> Self {
-        let [latitude_rad, longitude_rad] = self.radians();
-        let (latitude_rad, longitude_rad, altitude_m) =
-            enu2geodetic(enu_m.x, enu_m.y, enu_m.z, latitude_rad, longitude_rad, self.altitude_m, Ellipsoid::WGS84);
-        Self { latitude_deg: latitude_rad.to_degrees(), longitude_deg: longitude_rad.to_degrees(), altitude_m }
-    }
-
-    /// Metres east, north and up of this place, of another one: the inverse of
-    /// [`Self::offset`].
-    pub fn enu_m(&self, of: &Self) -> Point3<f64> {
-        let ([lat, lon], [lat0, lon0]) = (of.radians(), self.radians());
-        let (east_m, north_m, up_m) =
-            geodetic2enu(lat, lon, of.altitude_m, lat0, lon0, self.altitude_m, Ellipsoid::WGS84);
-        Point3::new(east_m, north_m, up_m)
-    }
-
-    fn radians(&self) -> [f64; 2] {
-        [self.latitude_deg.to_radians(), self.longitude_deg.to_radians()]
-    }
-}
-
-/// The world of a survey, and how the map's axes (x right, y down, z forward) lie in it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum World {
-    /// Camera 0 at the first frame, as KITTI has it: the map's axes are its own.
-    FirstCamera,
-    /// A world with the axes of a camera: the map's are the same.
-    CameraAxes,
-    /// A world with z up: map x is its -y, map y its -z, map z its x.
-    ZUp,
-}
-
-impl World {
-    /// The place in the survey's world, metres, of a point of a map that was reduced by so
-    /// much along the axes of that world. All worlds have z up here, as clouds have it: of one
-    /// with the axes of a camera x right, y forward, z up.
-    pub fn survey_from_map(self, [x, y, z]: [f64; 3], map: &Point3<f64>) -> Point3<f64> {
-        match self {
-            Self::FirstCamera | Self::CameraAxes => Point3::new(map.x + x, map.z + z, -(map.y + y)),
-            Self::ZUp => Point3::new(map.z + x, y - map.x, z - map.y),
-        }
-    }
-
-    /// The point of the map at a place in the survey's world: the inverse of
-    /// [`Self::survey_from_map`].
-    pub fn map_from_survey(self, [x, y, z]: [f64; 3], survey: &Point3<f64>) -> Point3<f64> {
-        match self {
-            Self::FirstCamera | Self::CameraAxes => Point3::new(survey.x - x, -survey.z - y, survey.y - z),
-            Self::ZUp => Point3::new(y - survey.y, z - survey.z, survey.x - x),
-        }
-    }
-}
 
 /// A map's frame on the Earth.
 #[derive(Debug, Clone)]
@@ -191,13 +39,13 @@ impl OnEarth {
     /// axes.
     ///
     /// # Errors
-    /// [`Error::OffGrid`] where the grid does not reach the map.
+    /// [`PlaceError::OffGrid`] where the grid does not reach the map.
     pub fn in_grid(grid: Grid, world: World, reduced_by_m: [f64; 3]) -> Result<Self, Error> {
         let at = world.survey_from_map(reduced_by_m, &Point3::origin());
         if grid.degrees([at.x, at.y]).iter().all(|degrees| degrees.is_finite()) {
             return Ok(Self(Metres::Grid { grid: Box::new(grid), world, reduced_by_m }));
         }
-        Err(Error::OffGrid { grid: grid.to_string(), east_m: at.x, north_m: at.y })
+        Err(PlaceError::OffGrid { grid: grid.to_string(), east_m: at.x, north_m: at.y }.into())
     }
 
     /// Where the map's origin is.
@@ -290,19 +138,6 @@ impl OnEarth {
     }
 }
 
-/// Three coordinates, metres, with commas between them, as a command line has them.
-///
-/// # Errors
-/// What to give instead of what is none.
-pub fn coordinates_m(text: &str) -> Result<Vector3<f64>, String> {
-    let number = |word: &str| word.trim().parse::<f64>().ok().filter(|v| v.is_finite());
-    let numbers: Option<Vec<f64>> = text.split(',').map(number).collect();
-    match numbers.as_deref() {
-        Some(&[x, y, z]) => Ok(Vector3::new(x, y, z)),
-        _ => Err("give three finite numbers, in metres".into()),
-    }
-}
-
 /// Metres east, north and up of a map's origin in its projection.
 fn projected_m(turn: &UnitQuaternion<f64>, map: &Point3<f64>) -> Point3<f64> {
     let turned = turn * map;
@@ -379,20 +214,6 @@ mod tests {
         assert!(off.unwrap_err().to_string().contains("EPSG:25832"));
     }
 
-    #[test]
-    fn an_origin_that_is_none_is_told() {
-        for (text, part) in [
-            ("49,8", "it has 2 numbers"),
-            ("49,8,1,2,3", "it has 5 numbers"),
-            ("49,x,1", "`x` is not a finite number"),
-            ("49,nan,1", "`nan` is not"),
-            ("95,8,1", "latitude must be within"),
-        ] {
-            let said = text.parse::<Origin>().unwrap_err().to_string();
-            assert!(said.contains(part) && said.contains("LAT,LON,ALT"), "{said}");
-        }
-    }
-
     proptest! {
         #[test]
         fn what_was_brought_to_the_earth_comes_back(
@@ -436,15 +257,6 @@ mod tests {
                 let survey = world.survey_from_map(reduced_by_m, &map);
                 prop_assert!((world.map_from_survey(reduced_by_m, &survey) - map).norm() < 1e-6);
             }
-        }
-
-        #[test]
-        fn an_origin_is_read_as_it_is_written(
-            (latitude_deg, longitude_deg) in (-80.0..80.0_f64, -179.0..179.0_f64),
-            (heading_deg, altitude_m) in (0.0..360.0_f64, -100.0..5e3_f64),
-        ) {
-            let origin = Origin { latitude_deg, longitude_deg, altitude_m, heading_deg, pitch_deg: 1.5, roll_deg: -0.25 };
-            prop_assert_eq!(origin.to_string().parse::<Origin>().unwrap(), origin);
         }
     }
 }

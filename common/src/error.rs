@@ -57,34 +57,9 @@ pub enum Error {
         /// The file to be written.
         path: PathBuf,
     },
-    /// A place on the Earth that is none.
-    #[error("--origin {text}: {what}; give LAT,LON,ALT[,HEADING[,PITCH,ROLL]] in degrees and metres")]
-    BadOrigin {
-        /// What was given.
-        text: String,
-        /// What is wrong with it.
-        what: String,
-    },
-    /// A grid that is none.
-    #[error("--crs {text}: {what}; give an EPSG code of projected metres, as EPSG:25832, or a string of PROJ")]
-    BadGrid {
-        /// What was given.
-        text: String,
-        /// What is wrong with it.
-        what: String,
-    },
-    /// A map outside of the grid that it is said to be in.
-    #[error(
-        "--crs {grid} does not reach the map, whose origin is at {east_m} east, {north_m} north; give the grid of its survey, and what its coordinates were reduced by"
-    )]
-    OffGrid {
-        /// The grid.
-        grid: String,
-        /// Coordinates of the map's origin, metres.
-        east_m: f64,
-        /// The other one.
-        north_m: f64,
-    },
+    /// Where a map is said to be on the Earth.
+    #[error(transparent)]
+    Place(#[from] crate::earth::PlaceError),
     /// The file is not text.
     #[error("{} is not text (byte {at} is not UTF-8); check that it is the right file", path.display())]
     NotText {

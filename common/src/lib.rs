@@ -25,4 +25,4 @@ mod text;
 pub mod trajectory;
 
 pub use error::{Error, Result};
-pub use text::{pose_of, read as read_text, words};
+pub use text::{coordinates_m, is_separator, pose_of, read as read_text, words};

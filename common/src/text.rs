@@ -51,9 +51,32 @@ pub(crate) fn rows_below_names(text: &str) -> impl Iterator<Item = (usize, &str)
     rows
 }
 
+/// What stands between the words of a row.
+pub fn is_separator(letter: char) -> bool {
+    letter == ',' || letter.is_whitespace()
+}
+
 /// The words of a row, with blanks or commas between them.
 pub fn words(row: &str) -> impl Iterator<Item = &str> {
-    row.split(|c: char| c == ',' || c.is_whitespace()).filter(|word| !word.is_empty())
+    row.split(is_separator).filter(|word| !word.is_empty())
+}
+
+/// The finite numbers of a word of the command line, with commas between them; else the first
+/// that is none.
+pub fn comma_separated(text: &str) -> std::result::Result<Vec<f64>, &str> {
+    let number = |word: &'_ str| word.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+    text.split(',').map(|word| number(word).ok_or(word)).collect()
+}
+
+/// Three coordinates, metres, as a command line has them.
+///
+/// # Errors
+/// What to give instead of what is none.
+pub fn coordinates_m(text: &str) -> std::result::Result<Vector3<f64>, String> {
+    match comma_separated(text).as_deref() {
+        Ok(&[x, y, z]) => Ok(Vector3::new(x, y, z)),
+        _ => Err("give three finite numbers, in metres".into()),
+    }
 }
 
 /// Exactly `N` finite numbers.

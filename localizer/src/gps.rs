@@ -3,7 +3,7 @@
 mod file;
 
 pub use self::file::{FixFile, read};
-pub(crate) use self::file::{SEPARATORS, bad_number, is_of_names, numbers};
+pub(crate) use self::file::{bad_number, is_of_names, numbers};
 
 use common::earth::{Geodetic, OnEarth};
 use common::geometry::{Pose, PoseParameters};

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use proj4rs::Proj;
 use proj4rs::transform::transform;
 
+use super::PlaceError;
 use crate::Error;
 
 /// Degrees of WGS 84, to which grids lead.
@@ -35,7 +36,7 @@ impl FromStr for Grid {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self, Error> {
-        let wrong = |what: String| Error::BadGrid { text: text.to_owned(), what };
+        let wrong = |what: String| Error::from(PlaceError::Grid { text: text.to_owned(), what });
         let failed = |error: proj4rs::errors::Error| wrong(error.to_string());
         let grid = Proj::from_user_string(&spelled(text)).map_err(failed)?;
         if grid.is_latlong() || grid.is_geocent() {

@@ -26,7 +26,7 @@ pub struct EarthArgs {
     #[arg(
         long,
         value_name = "X,Y,Z",
-        value_parser = common::earth::coordinates_m,
+        value_parser = common::coordinates_m,
         allow_hyphen_values = true,
         requires = "crs",
         default_value = "0,0,0"
@@ -38,8 +38,7 @@ impl EarthArgs {
     /// The map's frame on the Earth, where it is said.
     ///
     /// # Errors
-    /// [`common::Error::BadOrigin`] and [`common::Error::BadGrid`] where it is none,
-    /// [`common::Error::OffGrid`] where the grid does not reach it.
+    /// [`common::earth::PlaceError`] where it is none.
     pub fn on_earth(&self) -> Result<Option<OnEarth>> {
         if let Some(grid) = &self.crs {
             return Ok(Some(OnEarth::in_grid(grid.parse()?, World::ZUp, self.reduced.into())?));

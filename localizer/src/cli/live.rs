@@ -8,6 +8,7 @@ use clap::Args;
 use common::earth::OnEarth;
 use common::geometry::PinholeCamera;
 use common::kitti::Calibration;
+use common::{is_separator, words};
 
 use super::ConfigArgs;
 use super::earth::EarthArgs;
@@ -15,7 +16,7 @@ use super::input::SourceArgs;
 use crate::camera::{ScaledCamera, Source};
 use crate::config::Config;
 use crate::drive::CAMERA;
-use crate::gps::{GpsConfig, GpsFix, SEPARATORS};
+use crate::gps::{GpsConfig, GpsFix};
 use crate::live::{LiveLocalizer, Received};
 use crate::local_map::LocalMap;
 use crate::output::{estimates_header, estimates_row};
@@ -82,7 +83,7 @@ pub fn execute(args: &LiveArgs) -> Result<bool> {
     let camera = Calibration::read_camera(super::required(args.calib.as_ref(), "--calib")?, CAMERA)?;
     let source = args.source.open()?;
     let mut is_heard = common::output::print_to_reader(&estimates_header(on_earth.as_ref()));
-    let mut vehicle = Vehicle { on_earth, ..Vehicle::new(&mut map, camera, source, args.wheels, config) };
+    let mut vehicle = Vehicle::new(&mut map, camera, source, args.wheels, config, on_earth);
     let mut input = std::io::stdin().lock();
     let mut passed_over = 0;
     for line in 1.. {
@@ -153,16 +154,15 @@ fn said<'t>(text: &'t str, config: &GpsConfig, on_earth: Option<&OnEarth>) -> Op
 
 /// Takes the first word of a line away, and what separates it from the next.
 fn next_word<'t>(rest: &mut &'t str) -> Option<&'t str> {
-    let end = rest.find(SEPARATORS).unwrap_or(rest.len());
+    let end = rest.find(is_separator).unwrap_or(rest.len());
     let (word, others) = rest.split_at_checked(end)?;
-    *rest = others.trim_start_matches(SEPARATORS);
+    *rest = others.trim_start_matches(is_separator);
     Some(word).filter(|word| !word.is_empty())
 }
 
 /// The words of a line as numbers; none where one is no finite number.
 fn numbers(rest: &str) -> Option<Vec<f64>> {
-    let words = rest.split(SEPARATORS).filter(|word| !word.is_empty());
-    words.map(|word| word.parse().ok().filter(|value: &f64| value.is_finite())).collect()
+    words(rest).map(|word| word.parse().ok().filter(|value: &f64| value.is_finite())).collect()
 }
 
 /// A vehicle with one camera, and its localizer once an image has shown how large
@@ -183,9 +183,16 @@ struct Vehicle<'m> {
 }
 
 impl<'m> Vehicle<'m> {
-    fn new(map: &'m mut LocalMap, camera: PinholeCamera, source: Source, has_wheels: bool, config: Config) -> Self {
+    fn new(
+        map: &'m mut LocalMap,
+        camera: PinholeCamera,
+        source: Source,
+        has_wheels: bool,
+        config: Config,
+        on_earth: Option<OnEarth>,
+    ) -> Self {
         let (map, received) = (Some(map), Received::default());
-        Self { camera, source, has_wheels, config, on_earth: None, last_frame: None, map, received, running: None }
+        Self { camera, source, has_wheels, config, on_earth, last_frame: None, map, received, running: None }
     }
 
     /// Takes a line in; the answer to an image.

@@ -114,12 +114,9 @@ fn in_map((path, line, index): (&Path, usize, usize), row: &[f64], config: &GpsC
     }
 }
 
-/// What stands between the words of a row.
-pub(crate) const SEPARATORS: [char; 3] = [' ', '\t', ','];
-
 /// Whether a row names columns: `nan` and `inf` are numbers, which are none here.
 pub(crate) fn is_of_names(row: &str) -> bool {
-    let first = row.split(SEPARATORS).next().unwrap_or_default();
+    let first = row.split(common::is_separator).next().unwrap_or_default();
     first.trim_start_matches('"').starts_with(char::is_alphabetic) && first.parse::<f64>().is_err()
 }
 
@@ -131,10 +128,7 @@ pub(crate) fn bad_number(path: &Path, line: usize, text: &str) -> Error {
 
 /// The numbers of a row, separated by blanks or commas.
 pub(crate) fn numbers(path: &Path, line: usize, row: &str) -> Result<Vec<f64>> {
-    row.split(SEPARATORS)
-        .filter(|word| !word.is_empty())
-        .map(|word| word.parse().map_err(|_| bad_number(path, line, word)))
-        .collect()
+    common::words(row).map(|word| word.parse().map_err(|_| bad_number(path, line, word))).collect()
 }
 
 /// The frame whose time is nearest, at most half a frame away, and by how much it is later,

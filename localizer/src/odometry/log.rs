@@ -62,7 +62,7 @@ impl OdometryLog {
                 continue;
             }
             if std::mem::take(&mut is_first) && crate::gps::is_of_names(row) {
-                let names = row.split(crate::gps::SEPARATORS).filter(|name| !name.is_empty());
+                let names = common::words(row);
                 if names.map(|name| name.trim_matches('"')).eq(COLUMNS) {
                     continue;
                 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use common::earth::coordinates_m;
+use common::coordinates_m;
 use common::kitti::{RawDrive, Sequence};
 use nalgebra::Vector3;
 

@@ -34,11 +34,7 @@ impl MapFrame {
 
     /// The frame of a map in the world of a survey, off which something was taken.
     pub fn of_survey(frame: SurveyFrame, reduced_by_m: &Vector3<f64>) -> Self {
-        let world = match frame {
-            SurveyFrame::Camera => World::CameraAxes,
-            SurveyFrame::Lidar => World::ZUp,
-        };
-        Self { world, reduced_by_m: (*reduced_by_m).into(), origin: None }
+        Self { world: frame.world(), reduced_by_m: (*reduced_by_m).into(), origin: None }
     }
 
     /// The place in the survey's world, metres, of a point of the map. All worlds have z up
@@ -50,7 +46,7 @@ impl MapFrame {
     /// Whether the metres of two maps are those of one frame, as far as is known. One world may
     /// be given with z up or with the axes of a camera.
     pub fn may_be(&self, other: &Self) -> bool {
-        let [ours, others] = [self, other].map(Self::reduced_by_map_m);
+        let [ours, others] = [self, other].map(Self::survey_origin_map);
         let is_one = |a: f64, b: f64, least: f64| (a - b).abs() < least;
         let is_one_place = |a: Origin, b: Origin| {
             is_one(a.altitude_m, b.altitude_m, LEAST_APART_M)
@@ -64,17 +60,13 @@ impl MapFrame {
                 .iter()
                 .all(|(a, b)| is_one(*a, *b, LEAST_APART_DEG))
         };
-        ours.iter().zip(&others).all(|(a, b)| is_one(*a, *b, LEAST_APART_M))
+        (ours - others).amax() < LEAST_APART_M
             && self.origin.zip(other.origin).is_none_or(|(ours, other)| is_one_place(ours, other))
     }
 
-    /// What was taken off the survey's coordinates, along the axes of the map.
-    fn reduced_by_map_m(&self) -> [f64; 3] {
-        let [x, y, z] = self.reduced_by_m;
-        match self.world {
-            World::FirstCamera | World::CameraAxes => [x, y, z],
-            World::ZUp => [-y, -z, x],
-        }
+    /// Where the survey's world has its origin in the map, metres.
+    fn survey_origin_map(&self) -> Point3<f64> {
+        self.world.map_from_survey(self.reduced_by_m, &Point3::origin())
     }
 
     /// The frame in a few words, for people: what tells it from another.

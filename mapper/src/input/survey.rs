@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use common::earth::World;
 use common::geometry::{Pose, interpolate};
 use common::kitti::{Calibration, read_times};
 use common::trajectory::{PoseFile, StampedRow, read_pose_file};
@@ -17,6 +18,16 @@ pub enum SurveyFrame {
     Lidar,
     /// The camera's (x right, y down, z forward), in a world with such axes.
     Camera,
+}
+
+impl SurveyFrame {
+    /// The world of such poses.
+    pub fn world(self) -> World {
+        match self {
+            Self::Lidar => World::ZUp,
+            Self::Camera => World::CameraAxes,
+        }
+    }
 }
 
 /// Coordinates farther from the origin than this are reduced, metres: those
@@ -91,10 +102,7 @@ impl Placement {
     /// that of a camera's world is x right, y forward, z up, as `--cloud`
     /// writes it.
     pub fn map_from_cloud(&self, point: &nalgebra::Point3<f64>) -> nalgebra::Point3<f64> {
-        match self.frame {
-            SurveyFrame::Lidar => map_from_world() * (point - self.reduced_by_m),
-            SurveyFrame::Camera => nalgebra::Point3::new(point.x, -point.z, point.y) - self.reduced_by_m,
-        }
+        self.frame.world().map_from_survey(self.reduced_by_m.into(), point)
     }
 
     /// What people should know about it, if anything.

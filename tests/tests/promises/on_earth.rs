@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use common::earth::{Geodetic, OnEarth, Projection};
 use nalgebra::Point3;
 
-use crate::support::{DEMO, run, text};
+use crate::support::{DEMO, text};
 
 /// Where the demo's street is, in the projection that KITTI's poses have.
 const WORDS: [&str; 4] = ["--origin", "49.0337,8.3950,114,62", "--projection", "mercator"];
@@ -26,10 +26,8 @@ fn columns<const N: usize>(csv: &str, names: [&str; N]) -> Vec<[f64; N]> {
 fn localized(folder: &Path, name: &str, fixes: &str, more: &[&str]) -> String {
     let (gps, out) = (folder.join(format!("{name}.txt")), folder.join(name));
     std::fs::write(&gps, fixes).unwrap();
-    let (map, drive) = (DEMO.file("street.csm"), DEMO.file("drive"));
-    let labels = drive.join("sequences/00/labels_2");
-    let words = ["run", "--map", text(&map), "--kitti", text(&drive), "--sequence", "00", "--labels", text(&labels)];
-    run("localizer", &[&words[..], &["--gps", text(&gps), "--out", text(&out)], more].concat()).ok();
+    let labels = DEMO.file("drive/sequences/00/labels_2");
+    DEMO.localize_by(&labels, &DEMO.file("street.csm"), &out, &[&["--gps", text(&gps)], more].concat()).ok();
     std::fs::read_to_string(out.join("estimates.csv")).unwrap()
 }
 
@@ -98,13 +96,10 @@ fn a_vehicle_is_answered_with_latitude_and_longitude() {
 fn what_is_no_place_on_the_earth_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let (gps, out) = (folder.path().join("gps.txt"), folder.path().join("out"));
-    let (map, drive) = (DEMO.file("street.csm"), DEMO.file("drive"));
-    let labels = drive.join("sequences/00/labels_2");
-    let words = ["run", "--map", text(&map), "--kitti", text(&drive), "--sequence", "00", "--labels", text(&labels)];
+    let (map, labels) = (DEMO.file("street.csm"), DEMO.file("drive/sequences/00/labels_2"));
     let refused = |rows: &str, origin: &str, parts: &[&str]| {
         std::fs::write(&gps, rows).unwrap();
-        let more = ["--gps", text(&gps), "--out", text(&out), "--origin", origin];
-        run("localizer", &[&words[..], &more].concat()).refused(parts);
+        DEMO.localize_by(&labels, &map, &out, &["--gps", text(&gps), "--origin", origin]).refused(parts);
         assert!(!out.exists());
     };
     // In the other order; in metres; an origin that is none.

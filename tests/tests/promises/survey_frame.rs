@@ -140,9 +140,7 @@ fn a_camera_with_a_receiver_finds_itself_in_a_map_of_a_grid() {
     std::fs::write(&gps, fixes.concat()).unwrap();
     let (map, labels) = (UTM.join("a.csm"), DEMO.file("drive/sequences/00/labels_2"));
     let given = ["--gps", text(&gps), "--crs", "EPSG:25832", "--reduced", "450000,5420000,0", "--last", "15"];
-    let drive = DEMO.file("drive");
-    let words = ["run", "--map", text(&map), "--kitti", text(&drive), "--sequence", "00", "--labels", text(&labels)];
-    run("localizer", &[&words[..], &given, &["--out", text(&out)]].concat()).ok();
+    DEMO.localize_by(&labels, &map, &out, &given).ok();
     let estimates = std::fs::read_to_string(out.join("estimates.csv")).unwrap();
     let last: Vec<f64> = estimates.lines().last().unwrap().rsplit(',').take(4).map(|w| w.parse().unwrap()).collect();
     let [heading_deg, height_m, longitude, latitude] = last[..] else { unreachable!() };

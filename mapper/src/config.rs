@@ -156,7 +156,7 @@ pub const LIMITS: &[Limits] = &[
     limits("signs.*_m", 0.0, 60.0),
     limits("signs.*_share", 0.0, 1.0),
     limits("signs.*reflectance", 0.0, 1.0),
-    limits("signs.backs.least_agreement", 0.0, 1.0),
+    limits("signs.backs.*least_agreement", 0.0, 1.0),
     limits("signs.outline.least_cosine", 0.0, 1.0),
     limits("signs.outline.bright", 0.0, 1.0),
     limits("signs.outline.beam_rad", 1e-6, 0.2),

@@ -4,7 +4,7 @@
 use common::map::SignKind;
 use nalgebra::{Point3, Vector2};
 
-use super::config::{LightConfig, SignConfig};
+use super::config::{BackConfig, LightConfig, SignConfig};
 use super::outline::plates;
 use super::plate::Plate;
 use super::rows::{Axis, Row};
@@ -97,8 +97,22 @@ fn is_back(plate: &Plate, rows: &[Row], all: &[Plate], known: Known, config: &Si
         && plate.rows >= fewest_rows
         && plate.scans >= backs.fewest_scans
         && plate.agreement >= backs.least_agreement
-        && (known.is_hidden || (post_m.len() >= backs.fewest_post_rows && stands_out()))
+        && (known.is_hidden || shows_alone(plate, config) || (post_m.len() >= backs.fewest_post_rows && stands_out()))
 }
+
+/// Whether it can be nothing but a plate, wherever its post is: a hedge may reach up
+/// to its lower edge.
+fn shows_alone(plate: &Plate, config: &SignConfig) -> bool {
+    let SignConfig { outline, backs: BackConfig { alone, .. }, .. } = config;
+    let aspect = (plate.edges.1 - plate.edges.0) / plate.width_m;
+    plate.rows >= alone.fewest_rows
+        && plate.scans >= alone.fewest_scans
+        && plate.agreement >= alone.least_agreement
+        && aspect.ln().abs() <= NINE_IN_TEN * outline.aspect_spread
+}
+
+/// Standard deviations within which nine in ten of what is normal lie.
+const NINE_IN_TEN: f64 = 1.645;
 
 #[cfg(test)]
 mod tests {
@@ -144,6 +158,21 @@ mod tests {
         assert!(!is_sign(0.32, 0.22) && is_sign(0.5, 0.22));
         // On a thin post the same width is a sign.
         assert!(is_sign(0.32, 0.06));
+    }
+
+    #[test]
+    fn a_whole_board_needs_no_post_below_it_and_what_leaves_may_be_does() {
+        let whole = Plate { rows: 18, scans: 6, agreement: 1.0, ..board(0.6) };
+        let is_sign = |plate: &Plate| is_back(plate, &[], std::slice::from_ref(plate), UNKNOWN, &SignConfig::default());
+        assert!(is_sign(&whole));
+        // Seen by few, with gaps, and as high as a trunk is.
+        let others = [
+            Plate { rows: 12, ..whole.clone() },
+            Plate { scans: 4, ..whole.clone() },
+            Plate { agreement: 0.95, ..whole.clone() },
+            Plate { width_m: 0.32, ..whole },
+        ];
+        assert!(!others.iter().any(is_sign));
     }
 
     #[test]

@@ -193,6 +193,8 @@ pub struct BackConfig {
     /// Least width of its rows over those of the bare post below it: those of a
     /// thick mast differ by up to a half.
     pub least_over_post: f64,
+    /// What shows without the bare post below it, in a hedge.
+    pub alone: AloneConfig,
 }
 
 impl Default for BackConfig {
@@ -211,7 +213,27 @@ impl Default for BackConfig {
             least_agreement: 0.7,
             fewest_post_rows: 4,
             least_over_post: 1.6,
+            alone: AloneConfig::default(),
         }
+    }
+}
+
+/// How a plate whose post is out of sight is told from the leaves around it: none of
+/// them is flat, whole and as high as it is wide in many scans.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AloneConfig {
+    /// Fewest long rows: thrice those of a plate on a bare post.
+    pub fewest_rows: usize,
+    /// Fewest scans: leaves hide each other from one place, and not from five.
+    pub fewest_scans: usize,
+    /// Least share of the rows between its edges that are long: leaves leave gaps.
+    pub least_agreement: f64,
+}
+
+impl Default for AloneConfig {
+    fn default() -> Self {
+        Self { fewest_rows: 15, fewest_scans: 5, least_agreement: 0.98 }
     }
 }
 

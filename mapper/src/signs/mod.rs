@@ -21,7 +21,7 @@ use nalgebra::{Point2, Point3, Vector2};
 use rayon::prelude::*;
 
 pub(crate) use bright::clusters;
-pub use config::{BackConfig, LightConfig, OutlineConfig, SignConfig};
+pub use config::{AloneConfig, BackConfig, LightConfig, OutlineConfig, SignConfig};
 pub use outline::plates;
 pub use plate::Plate;
 pub use rows::{Axis, Row, rows};

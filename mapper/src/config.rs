@@ -151,6 +151,7 @@ pub const LIMITS: &[Limits] = &[
     range("signs.lights.seen_m", 0.0, 60.0),
     limits("signs.outline.odd_share", 0.001, 0.5),
     limits("signs.outline.telling_rows", 0.1, 1e3),
+    limits("signs.outline.least_telling", 0.0, 1.0),
     limits("signs.outline.most_missed", 1.0, 1e6),
     limits("signs.lights.most_own_odds", 1.0, 1e6),
     limits("signs.*_m", 0.0, 60.0),

@@ -45,7 +45,7 @@ pub(crate) trait Stands: Sync {
 
 /// Sectors of the horizon by which the points of a scan find what they may be on or
 /// behind.
-const SECTORS: usize = 720;
+pub(crate) const SECTORS: usize = 720;
 
 /// One scan's look at something.
 struct Look {
@@ -149,7 +149,7 @@ fn looked_through<T: Stands>(found: &[T], cloud: &Cloud, config: &LookConfig, li
 
 /// Sector of the horizon that a direction, map (x, z), falls in. They are even
 /// on the square whose corners are on the axes: no angle need be computed.
-fn sector(direction: &Vector2<f64>) -> usize {
+pub(crate) fn sector(direction: &Vector2<f64>) -> usize {
     let share = direction.y / (direction.x.abs() + direction.y.abs());
     let quarters = if direction.x < 0.0 { 3.0 - share } else { 1.0 + share };
     ((quarters / 4.0 * SECTORS as f64) as usize).min(SECTORS - 1)

@@ -8,9 +8,8 @@ use super::config::{BackConfig, LightConfig, SignConfig};
 use super::outline::plates;
 use super::plate::Plate;
 use super::rows::{Axis, Row};
+use super::views::Views;
 use super::{FoundSign, POST_BELOW_M};
-use crate::cloud::Cloud;
-use crate::lidar::LidarConfig;
 
 /// What is known of a post before it is asked what hangs on it.
 #[derive(Debug, Clone, Copy)]
@@ -27,11 +26,10 @@ pub fn plates_on(
     axis: &Axis,
     lowest_m: f64,
     known: Known,
-    cloud: &Cloud,
+    views: &Views<'_>,
     config: &SignConfig,
-    lidar: &LidarConfig,
 ) -> Vec<FoundSign> {
-    let all = plates(rows, axis, cloud, &config.outline, lidar);
+    let all = plates(rows, axis, views, &config.outline);
     let found = |known: Known| -> Vec<FoundSign> {
         let is_plate = |p: &&Plate| {
             p.above_ground_m >= lowest_m

@@ -85,6 +85,9 @@ pub struct OutlineConfig {
     /// `odd_share` of a plate's rows are hidden: a second one among five is no
     /// accident, leaves hide the plate from there.
     pub telling_rows: f64,
+    /// Least that a row of the bare post counts which ends a plate: below it most of what
+    /// is beside it is hidden, and it may be one of the plate.
+    pub least_telling: f64,
     /// Most beams that are expected on a plate between two rows and left no hit
     /// there: leaves hide several in a row, not this many from all scans.
     pub most_missed: f64,
@@ -137,6 +140,7 @@ impl Default for OutlineConfig {
             edge_cost: 1.4,
             odd_share: 0.05,
             telling_rows: 5.0,
+            least_telling: 0.5,
             most_missed: 6.0,
             hidden_cost: 0.3,
             stacked_cost: 2.0,

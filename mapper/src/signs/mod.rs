@@ -15,6 +15,7 @@ mod plate;
 mod rows;
 mod stacked;
 mod told;
+mod views;
 
 use common::map::{PoleKind, SignKind};
 use nalgebra::{Point2, Point3, Vector2};
@@ -28,10 +29,10 @@ pub use rows::{Axis, Row, rows};
 
 use backs::Known;
 use bright::{BrightPlate, bright_plates};
+use views::Views;
 
 use crate::cloud::Cloud;
 use crate::config::Config;
-use crate::lidar::LidarConfig;
 use crate::looks::{Stands, standing};
 use crate::poles::{FittedPole, PoleConfig};
 
@@ -59,14 +60,14 @@ pub struct FoundSign {
 /// The signs and lights of a stitched cloud, given its poles.
 pub fn find_signs(cloud: &Cloud, poles: &[(PoleKind, FittedPole)], config: &Config) -> Vec<FoundSign> {
     let Config { signs: config, poles: of_poles, lidar, .. } = config;
+    let views = Views::new(cloud, &config.looks, lidar);
     let bright = bright_plates(cloud, config, lidar);
-    let bright: Vec<Vec<FoundSign>> =
-        bright.par_iter().map(|plate| outlined(plate, cloud, poles, config, lidar)).collect();
+    let bright: Vec<Vec<FoundSign>> = bright.par_iter().map(|plate| outlined(plate, &views, poles, config)).collect();
     let carries_sign = |pole: &FittedPole| bright.iter().flatten().any(|sign| is_over(sign, &pole.top));
     let on_posts: Vec<Vec<FoundSign>> = poles
         .par_iter()
         .filter(|(kind, pole)| may_be_post(*kind, pole, of_poles))
-        .map(|(_, pole)| on_post(pole, carries_sign(pole), cloud, config, lidar))
+        .map(|(_, pole)| on_post(pole, carries_sign(pole), &views, config))
         .collect();
     // Of what hides in part, bright points alone tell least.
     let (with_outline, without): (Vec<FoundSign>, Vec<FoundSign>) =
@@ -129,19 +130,14 @@ fn is_over(sign: &FoundSign, top: &Point3<f64>) -> bool {
 
 /// What hangs on a post, whether bright or not; `carries_sign` where something bright
 /// is on it.
-fn on_post(
-    pole: &FittedPole,
-    carries_sign: bool,
-    cloud: &Cloud,
-    config: &SignConfig,
-    lidar: &LidarConfig,
-) -> Vec<FoundSign> {
+fn on_post(pole: &FittedPole, carries_sign: bool, views: &Views<'_>, config: &SignConfig) -> Vec<FoundSign> {
     let axis = Axis { foot: pole.foot, top: pole.top, radius_m: pole.radius_m };
-    let from = |lowest_m: f64| rows(cloud, &axis, (lowest_m - POST_BELOW_M, pole.top_height_m + OVER_TOP_M), lidar);
-    let known = Known { carries_sign, is_hidden: pole.shows_plates_alone };
-    let plates_from = |lowest_m: f64, rows: &[Row], known: Known| {
-        backs::plates_on(rows, &axis, lowest_m, known, cloud, config, lidar)
+    let from = |lowest_m: f64| {
+        rows(views.cloud, &axis, (lowest_m - POST_BELOW_M, pole.top_height_m + OVER_TOP_M), views.lidar)
     };
+    let known = Known { carries_sign, is_hidden: pole.shows_plates_alone };
+    let plates_from =
+        |lowest_m: f64, rows: &[Row], known: Known| backs::plates_on(rows, &axis, lowest_m, known, views, config);
     let rows = from(config.backs.lowest_m.min(config.lights.lowest_m));
     // Lights first: from behind they may look like plates.
     let mut found = lights::lights_on(&rows, &axis, config);
@@ -187,10 +183,9 @@ const POST_RADIUS_M: f64 = 0.04;
 /// stand out.
 fn outlined(
     plate: &BrightPlate,
-    cloud: &Cloud,
+    views: &Views<'_>,
     poles: &[(PoleKind, FittedPole)],
     config: &SignConfig,
-    lidar: &LidarConfig,
 ) -> Vec<FoundSign> {
     let at = plate.sign.centroid;
     let radius_m = poles
@@ -199,9 +194,9 @@ fn outlined(
         .map_or(POST_RADIUS_M, |(_, p)| p.radius_m);
     let axis = Axis::through(&at, radius_m);
     let band = (plate.above_ground_m - 0.8, plate.above_ground_m + config.largest_m);
-    let rows = rows(cloud, &axis, band, lidar);
+    let rows = rows(views.cloud, &axis, band, views.lidar);
     let (low, high) = plate.heights;
-    let signs: Vec<FoundSign> = plates(&rows, &axis, cloud, &config.outline, lidar)
+    let signs: Vec<FoundSign> = plates(&rows, &axis, views, &config.outline)
         .iter()
         .filter(|p| {
             p.bright_share >= config.outline.least_bright_share

@@ -3,11 +3,11 @@
 use nalgebra::Vector2;
 
 use super::config::OutlineConfig;
-use super::plate::{Plate, ceiling, cosine, lowest_of_scans, plane, plate, width_m};
+use super::plate::{MARGIN_M, Plate, cosine, lowest_of_scans, plane, plate, width_m};
 use super::rows::{Axis, Row};
 use super::stacked::{Ends, gaps};
-use super::told::{Says, Told, doubt, each};
-use crate::cloud::Cloud;
+use super::told::{Says, Told, doubt, each, look};
+use super::views::Views;
 use crate::lidar::LidarConfig;
 
 /// The axis with the radius of its bare post: where plates hang on it, what
@@ -20,9 +20,10 @@ pub fn bare(axis: &Axis, rows: &[Row], config: &OutlineConfig) -> Axis {
 }
 
 /// The plates among the rows of an axis, from below.
-pub fn plates(rows: &[Row], axis: &Axis, cloud: &Cloud, config: &OutlineConfig, lidar: &LidarConfig) -> Vec<Plate> {
+pub fn plates(rows: &[Row], axis: &Axis, views: &Views<'_>, config: &OutlineConfig) -> Vec<Plate> {
     let axis = &bare(axis, rows, config);
     let mut told = each(rows, axis, config);
+    look(&mut told, axis, views, config);
     for (from, to) in joined(segments(&told, config), &told) {
         doubt(&mut told[from..=to], config);
     }
@@ -46,9 +47,9 @@ pub fn plates(rows: &[Row], axis: &Axis, cloud: &Cloud, config: &OutlineConfig, 
                 .collect();
             segments(&facing, config)
                 .into_iter()
-                .flat_map(|s| each_plate(&facing, s, &normal, config, lidar))
-                .flat_map(|s| unbroken(&facing, s, cloud, config, lidar))
-                .filter_map(|s| plate(&facing, s, axis, cloud, config, lidar))
+                .flat_map(|s| each_plate(&facing, s, &normal, config, views.lidar))
+                .flat_map(|s| unbroken(&facing, s, views, config))
+                .filter_map(|s| plate(&facing, s, axis, views, config))
                 .collect()
         })
         .collect()
@@ -72,16 +73,14 @@ fn joined(runs: Vec<(usize, usize)>, told: &[Told<'_>]) -> Vec<(usize, usize)> {
 fn unbroken(
     rows: &[Told<'_>],
     (from, to): (usize, usize),
-    cloud: &Cloud,
+    views: &Views<'_>,
     config: &OutlineConfig,
-    lidar: &LidarConfig,
 ) -> Vec<(usize, usize)> {
     let on: Vec<usize> = (from..=to).filter(|&i| rows[i].says.is_plate()).collect();
     let scans = lowest_of_scans(on.iter().map(|&i| rows[i].row));
     let beams = |low: f64, high: f64| -> f64 {
-        let of_scan = |row: &&Row| {
-            (high.min(ceiling(row, cloud, lidar)) - low).max(0.0) / (row.range_m * lidar.elevation_step_rad)
-        };
+        let of_scan =
+            |row: &&Row| (high.min(views.ceiling(row)) - low).max(0.0) / (row.range_m * views.lidar.elevation_step_rad);
         scans.iter().map(of_scan).sum()
     };
     let mut parts = Vec::new();
@@ -106,7 +105,7 @@ fn each_plate(
 ) -> Vec<(usize, usize)> {
     let telling: Vec<usize> = (from..=to).filter(|&i| matches!(rows[i].says, Says::Plate | Says::Post)).collect();
     let ends = |&i: &usize| {
-        let Told { row, says, weight } = rows[i];
+        let Told { row, says, weight, .. } = rows[i];
         let between_m = lidar.azimuth_step_rad * row.range_m;
         // From behind, left is right.
         let to_plate = row.view.dot(normal).signum() / cosine(row, normal);
@@ -131,9 +130,6 @@ fn each_plate(
     plates.push((first, to));
     plates
 }
-
-/// Rows this far beyond a plate tell where it ends, metres.
-const MARGIN_M: f64 = 0.3;
 
 /// Runs of long rows, first and last index: the most likely sequence of plate
 /// and bare post (Viterbi 1967), where every row that does not fit costs its

@@ -5,7 +5,7 @@ use nalgebra::{Matrix2, Point3, SymmetricEigen, Vector2};
 use super::config::OutlineConfig;
 use super::rows::{Axis, Row};
 use super::told::{Says, Told};
-use crate::cloud::Cloud;
+use super::views::Views;
 use crate::lidar::LidarConfig;
 
 /// A plate or a box on an axis.
@@ -65,9 +65,8 @@ pub(super) fn plate(
     rows: &[Told<'_>],
     (from, to): (usize, usize),
     axis: &Axis,
-    cloud: &Cloud,
+    views: &Views<'_>,
     config: &OutlineConfig,
-    lidar: &LidarConfig,
 ) -> Option<Plate> {
     let of = |what: &dyn Fn(Says) -> bool| -> Vec<&Row> {
         rows[from..=to].iter().filter(|t| what(t.says)).map(|t| t.row).collect()
@@ -78,7 +77,7 @@ pub(super) fn plate(
     let (lowest, highest) = (on.first()?, on.last()?);
     let across = Vector2::new(-normal.y, normal.x);
     let origin = axis.at(highest.height_m).coords;
-    let width = |r: &Row| width_m(r, &normal, config, lidar);
+    let width = |r: &Row| width_m(r, &normal, config, views.lidar);
     // The widest rows, as a disc is narrower above and below.
     let mut widths: Vec<f64> = long.iter().map(|r| width(r)).collect();
     widths.sort_by(f64::total_cmp);
@@ -96,17 +95,17 @@ pub(super) fn plate(
     let before_m = weighted(0.5, &|r| (r.middle.coords - origin).dot(&normal))?;
 
     let scans = lowest_of_scans(on.iter().copied());
-    let beams = |reaches: &dyn Fn(&Row, f64) -> bool| -> f64 {
-        scans
-            .iter()
-            .map(|r| (r, r.range_m * lidar.elevation_step_rad))
-            .filter(|(r, step)| reaches(r, *step))
-            .map(|(_, step)| step.recip())
-            .sum()
+    let step_m = |r: &Row| r.range_m * views.lidar.elevation_step_rad;
+    let place = origin + across * aside_m + normal * before_m;
+    // Where leaves are before it no beam tells of a plate.
+    let shown = |r: &Row| {
+        let heights = (highest.height_m, views.ceiling(r).min(highest.height_m + MARGIN_M));
+        1.0 - views.hidden_share(r.scan, &place.into(), MIDDLE * width_m * cosine(r, &normal), heights)
     };
-    let above = beams(&|r, step| ceiling(r, cloud, lidar) > highest.height_m + 0.5 * step);
-    let below = beams(&|_, _| true);
-    let is_post = |t: &&Told<'_>| t.says == Says::Post;
+    let reaches_above = |r: &&&Row| views.ceiling(r) > highest.height_m + 0.5 * step_m(r);
+    let above: f64 = scans.iter().filter(reaches_above).map(|r| shown(r) / step_m(r)).sum();
+    let below: f64 = scans.iter().map(|r| step_m(r).recip()).sum();
+    let is_post = |t: &&Told<'_>| t.says == Says::Post && t.weight >= config.least_telling;
     let next = |told: Option<&Told<'_>>, edge: f64| told.map_or(f64::INFINITY, |t| (t.row.height_m - edge).abs());
     let bottom = Edge::new(below, next(rows[..from].iter().rev().find(is_post), lowest.height_m));
     let top = Edge::new(above, next(rows[to + 1..].iter().find(is_post), highest.height_m));
@@ -115,7 +114,6 @@ pub(super) fn plate(
     let high = upper_end(highest.height_m, &top, low, width_m, config);
     let top_sigma_m = top.sigma_m.min(config.open_m);
     let middle = f64::midpoint(low, high);
-    let place = origin + across * aside_m + normal * before_m;
     let count = long.len() as f64;
     let noise_m = (config.noise_m.powi(2) / count + config.pose_m.powi(2)).sqrt();
     let near = |r: &&&Row| r.range_m <= config.bright_within_m;
@@ -180,6 +178,13 @@ fn size_m(rows: &[&Row], width_m: f64, (low, high): (f64, f64)) -> f64 {
 const ROUND_END: f64 = 1.0 / 6.0;
 const ROUND_SHARE: f64 = 0.72;
 
+/// Rows and beams this far beyond a plate tell where it ends, metres.
+pub(super) const MARGIN_M: f64 = 0.3;
+
+/// Beams tell of an edge that would meet the middle of a plate, so far to both sides
+/// over its width: a disc is narrower above.
+const MIDDLE: f64 = 0.3;
+
 /// How far an edge lies beyond the last row on the plate.
 struct Edge {
     beyond_m: f64,
@@ -233,11 +238,6 @@ pub(super) fn lowest_of_scans<'a>(rows: impl Iterator<Item = &'a Row>) -> Vec<&'
     lowest
 }
 
-/// Height up to which the scan of a row sees there, along -y of the map, metres.
-pub(super) fn ceiling(row: &Row, cloud: &Cloud, lidar: &LidarConfig) -> f64 {
-    cloud.sensors[usize::from(row.scan)].view_along(&row.view, row.range_m, lidar).ceiling(lidar)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -246,7 +246,7 @@ mod tests {
     #[test]
     fn rows_that_leaves_hide_count_little_against_a_plate() {
         let row = row_across(0, 2.0, 0.5);
-        let told = |says: Says, weight: f64| Told { row: &row, says, weight };
+        let told = |says: Says, weight: f64| Told { row: &row, says, hidden: 0.0, weight };
         let with = |weight: f64| {
             let plate = [told(Says::Plate, 1.0), told(Says::PartOfPlate, 1.0), told(Says::Nothing, 1.0)];
             agreement(&[plate.as_slice(), &[told(Says::Post, weight)]].concat())

@@ -1,6 +1,7 @@
 use nalgebra::Vector3;
 
 use super::*;
+use crate::lidar::LidarConfig;
 use crate::poles::find_poles;
 use crate::testing::{CAMERA_HEIGHT_M, Street};
 
@@ -24,27 +25,41 @@ impl Post {
     /// bright as told on its front (seen by the scans before it) and on its back;
     /// `before_m` nearer to the start of the road than the axis.
     fn board(&mut self, width_m: f64, heights_m: (f64, f64), before_m: f64, shades: [Option<f32>; 2]) {
+        self.hidden_board(width_m, heights_m, before_m, shades, f64::INFINITY);
+    }
+
+    /// The same with leaves before all that is higher above ground than told: a tenth of
+    /// the way nearer.
+    fn hidden_board(
+        &mut self,
+        width_m: f64,
+        heights_m: (f64, f64),
+        before_m: f64,
+        shades: [Option<f32>; 2],
+        up_to_m: f64,
+    ) {
         let lidar = LidarConfig::default();
         for scan in 0..10_u16 {
-            let eye_z = 6.0 * f64::from(scan);
+            let eye = Point3::new(0.0, -lidar.apex_m, 6.0 * f64::from(scan));
             let z = self.foot.z - before_m;
-            let range_m = self.foot.x.hypot(z - eye_z);
-            let Some(shade) = shades[usize::from(eye_z > z)] else { continue };
+            let range_m = self.foot.x.hypot(z - eye.z);
+            let Some(shade) = shades[usize::from(eye.z > z)] else { continue };
             // Beams of each scan fall elsewhere.
             let shift = f64::from(scan) * 0.37 % 1.0;
             for i in -60..=4 {
                 let elevation = lidar.highest_rad + (f64::from(i) - 4.0 - shift) * lidar.elevation_step_rad;
-                let up_m = CAMERA_HEIGHT_M + range_m * elevation.tan();
+                let up_m = CAMERA_HEIGHT_M + lidar.apex_m + range_m * elevation.tan();
                 if up_m < heights_m.0 || up_m > heights_m.1 {
                     continue;
                 }
+                let share = if up_m > up_to_m { 0.9 } else { 1.0 };
                 // Steps across the view are longer on a board seen at an angle.
-                let step_m = lidar.azimuth_step_rad * range_m.powi(2) / (z - eye_z).abs().max(1.0);
+                let step_m = lidar.azimuth_step_rad * range_m.powi(2) / (z - eye.z).abs().max(1.0);
                 for k in -60..60 {
                     let x = (f64::from(k) + shift) * step_m;
                     if x.abs() <= width_m / 2.0 {
                         let p = Point3::new(self.foot.x + x, CAMERA_HEIGHT_M - up_m, z);
-                        self.street.add(p, scan, shade, None);
+                        self.street.add(eye + (p - eye) * share, scan, shade, None);
                     }
                 }
             }
@@ -141,6 +156,20 @@ fn plates_seen_from_behind_are_found_and_face_away() {
     assert_eq!(signs.len(), 1, "{signs:?}");
     assert!((signs[0].centroid - Point3::new(5.0, CAMERA_HEIGHT_M - 2.15, 9.95)).norm() < 0.06, "{:?}", signs[0]);
     assert!(signs[0].facing.is_some_and(|f| f.y < -0.9), "{:?}", signs[0]);
+}
+
+#[test]
+fn a_plate_of_which_leaves_hide_the_upper_half_is_as_high_as_it_is_wide() {
+    // And one that ends there, in a square as wide.
+    let middle_m = |width_m: f64, heights_m: (f64, f64), up_to_m: f64| {
+        let mut post = Post::new(5.0, 10.0);
+        post.hidden_board(width_m, heights_m, 0.05, [None, Some(METAL)], up_to_m);
+        let signs = post.found(1.85);
+        let [sign] = &signs[..] else { panic!("{signs:?}") };
+        CAMERA_HEIGHT_M - sign.centroid.y
+    };
+    let (hidden, whole) = (middle_m(0.6, (1.9, 2.5), 2.2), middle_m(0.6, (1.9, 2.2), f64::INFINITY));
+    assert!((hidden - 2.2).abs() < 0.05 && (whole - 2.05).abs() < 0.05, "{hidden} {whole}");
 }
 
 #[test]

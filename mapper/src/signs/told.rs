@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use super::config::OutlineConfig;
 use super::rows::{Axis, REACH_M, Row};
+use super::views::Views;
 
 /// What a row says about its height.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,17 +34,40 @@ pub struct Told<'a> {
     pub row: &'a Row,
     /// What it says.
     pub says: Says,
-    /// How much it counts against a plate at its height: 1, or less where
-    /// [`doubt`] finds that leaves hide the plate from its scan.
+    /// Share of the beams beside it that something nearer takes.
+    pub hidden: f64,
+    /// How much it counts against a plate at its height: 1, or less where it is hidden
+    /// itself, or [`doubt`] finds that leaves hide the plate from its scan.
     pub weight: f64,
 }
 
 /// What each row says by itself, in the order of their heights.
 pub fn each<'a>(rows: &'a [Row], axis: &Axis, config: &OutlineConfig) -> Vec<Told<'a>> {
     let mut told: Vec<Told<'_>> =
-        rows.iter().map(|row| Told { row, says: says(row, axis, config), weight: 1.0 }).collect();
+        rows.iter().map(|row| Told { row, says: says(row, axis, config), hidden: 0.0, weight: 1.0 }).collect();
     told.sort_by(|a, b| a.row.height_m.total_cmp(&b.row.height_m).then(a.row.scan.cmp(&b.row.scan)));
     told
+}
+
+/// Lets rows of the bare post count less from where something nearer takes the beams
+/// beside them: they may be what shows of a plate.
+pub fn look(told: &mut [Told<'_>], axis: &Axis, views: &Views<'_>, config: &OutlineConfig) {
+    for told in told.iter_mut().filter(|t| t.says == Says::Post) {
+        let row = told.row;
+        let half_m = 0.5 * row.range_m * views.lidar.elevation_step_rad;
+        let heights = (row.height_m - half_m, row.height_m + half_m);
+        told.hidden = views.hidden_share(row.scan, &axis.at(row.height_m), HALF_PLATE_M, heights);
+        told.weight = weight(told.hidden, config);
+    }
+}
+
+/// Half of a usual plate, metres.
+const HALF_PLATE_M: f64 = 0.25;
+
+/// What a row of the bare post counts that may be one of a plate with so much of it
+/// hidden.
+fn weight(hidden: f64, config: &OutlineConfig) -> f64 {
+    (hidden.max(config.odd_share).ln() / config.odd_share.ln()).clamp(0.0, 1.0)
 }
 
 fn says(row: &Row, axis: &Axis, config: &OutlineConfig) -> Says {
@@ -78,7 +102,7 @@ pub fn doubt(of_plate: &mut [Told<'_>], config: &OutlineConfig) {
     for told in of_plate.iter_mut().filter(|t| t.says == Says::Post) {
         if let Some((rows, short)) = counts.get(&told.row.scan) {
             let hidden = (short - 1.0 + config.odd_share * config.telling_rows) / (rows - 1.0 + config.telling_rows);
-            told.weight = (hidden.ln() / config.odd_share.ln()).min(1.0);
+            told.weight = weight(hidden.max(told.hidden), config);
         }
     }
 }

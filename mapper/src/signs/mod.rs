@@ -132,9 +132,7 @@ fn is_over(sign: &FoundSign, top: &Point3<f64>) -> bool {
 /// is on it.
 fn on_post(pole: &FittedPole, carries_sign: bool, views: &Views<'_>, config: &SignConfig) -> Vec<FoundSign> {
     let axis = Axis { foot: pole.foot, top: pole.top, radius_m: pole.radius_m };
-    let from = |lowest_m: f64| {
-        rows(views.cloud, &axis, (lowest_m - POST_BELOW_M, pole.top_height_m + OVER_TOP_M), views.lidar)
-    };
+    let from = |lowest_m: f64| rows(views, &axis, (lowest_m - POST_BELOW_M, pole.top_height_m + OVER_TOP_M));
     let known = Known { carries_sign, is_hidden: pole.shows_plates_alone };
     let plates_from =
         |lowest_m: f64, rows: &[Row], known: Known| backs::plates_on(rows, &axis, lowest_m, known, views, config);
@@ -194,7 +192,7 @@ fn outlined(
         .map_or(POST_RADIUS_M, |(_, p)| p.radius_m);
     let axis = Axis::through(&at, radius_m);
     let band = (plate.above_ground_m - 0.8, plate.above_ground_m + config.largest_m);
-    let rows = rows(views.cloud, &axis, band, views.lidar);
+    let rows = rows(views, &axis, band);
     let (low, high) = plate.heights;
     let signs: Vec<FoundSign> = plates(&rows, &axis, views, &config.outline)
         .iter()

@@ -6,7 +6,7 @@ use super::config::OutlineConfig;
 use super::plate::{MARGIN_M, Plate, cosine, lowest_of_scans, plane, plate, width_m};
 use super::rows::{Axis, Row};
 use super::stacked::{Ends, gaps};
-use super::told::{Says, Told, doubt, each, look};
+use super::told::{Says, Told, doubt, doubt_hidden, each};
 use super::views::Views;
 use crate::lidar::LidarConfig;
 
@@ -23,7 +23,7 @@ pub fn bare(axis: &Axis, rows: &[Row], config: &OutlineConfig) -> Axis {
 pub fn plates(rows: &[Row], axis: &Axis, views: &Views<'_>, config: &OutlineConfig) -> Vec<Plate> {
     let axis = &bare(axis, rows, config);
     let mut told = each(rows, axis, config);
-    look(&mut told, axis, views, config);
+    doubt_hidden(&mut told, axis, views, config);
     for (from, to) in joined(segments(&told, config), &told) {
         doubt(&mut told[from..=to], config);
     }

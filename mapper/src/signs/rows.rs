@@ -6,8 +6,8 @@
 
 use nalgebra::{Matrix2, Point2, Point3, Vector2};
 
-use crate::cloud::{Cloud, CloudPoint};
-use crate::lidar::LidarConfig;
+use super::views::Views;
+use crate::cloud::CloudPoint;
 
 /// An upright line that plates may hang on, map frame.
 #[derive(Debug, Clone, Copy)]
@@ -90,7 +90,8 @@ struct Hit<'a> {
 
 /// The rows across an axis between two heights above ground (m), in the order
 /// of the scans.
-pub fn rows(cloud: &Cloud, axis: &Axis, heights_m: (f64, f64), lidar: &LidarConfig) -> Vec<Row> {
+pub fn rows(views: &Views<'_>, axis: &Axis, heights_m: (f64, f64)) -> Vec<Row> {
+    let cloud = views.cloud;
     let middle = nalgebra::center(&axis.foot, &axis.top);
     let mut points: Vec<&CloudPoint> = Vec::new();
     // Not collected: iterators of many short pieces are fast from within only.
@@ -99,10 +100,11 @@ pub fn rows(cloud: &Cloud, axis: &Axis, heights_m: (f64, f64), lidar: &LidarConf
         .filter(|p| (heights_m.0..=heights_m.1).contains(&f64::from(p.height_m)))
         .for_each(|p| points.push(p));
     points.sort_by_key(|p| p.scan);
-    points.chunk_by(|a, b| a.scan == b.scan).flat_map(|of_scan| rows_of_scan(cloud, axis, of_scan, lidar)).collect()
+    points.chunk_by(|a, b| a.scan == b.scan).flat_map(|of_scan| rows_of_scan(views, axis, of_scan)).collect()
 }
 
-fn rows_of_scan(cloud: &Cloud, axis: &Axis, points: &[&CloudPoint], lidar: &LidarConfig) -> Vec<Row> {
+fn rows_of_scan(views: &Views<'_>, axis: &Axis, points: &[&CloudPoint]) -> Vec<Row> {
+    let Views { cloud, lidar, .. } = views;
     let Some(first) = points.first() else { return Vec::new() };
     let sensor = cloud.sensors[usize::from(first.scan)].at_map;
     let eye = Point2::new(sensor.x, sensor.z);

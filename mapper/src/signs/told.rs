@@ -51,7 +51,7 @@ pub fn each<'a>(rows: &'a [Row], axis: &Axis, config: &OutlineConfig) -> Vec<Tol
 
 /// Lets rows of the bare post count less from where something nearer takes the beams
 /// beside them: they may be what shows of a plate.
-pub fn look(told: &mut [Told<'_>], axis: &Axis, views: &Views<'_>, config: &OutlineConfig) {
+pub fn doubt_hidden(told: &mut [Told<'_>], axis: &Axis, views: &Views<'_>, config: &OutlineConfig) {
     for told in told.iter_mut().filter(|t| t.says == Says::Post) {
         let row = told.row;
         let half_m = 0.5 * row.range_m * views.lidar.elevation_step_rad;
@@ -90,7 +90,8 @@ fn says(row: &Row, axis: &Axis, config: &OutlineConfig) -> Says {
 /// rows of what looks like one plate: leaves hide it from there. With `h`, the
 /// share of the plate's rows that the scan's other rows let expect hidden (the
 /// mean of a Beta distribution that `odd_share` and `telling_rows` begin), one
-/// more has the weight `ln h / ln odd_share`.
+/// more has the weight `ln h / ln odd_share`; and with what [`doubt_hidden`] found of
+/// the row, if that is more.
 pub fn doubt(of_plate: &mut [Told<'_>], config: &OutlineConfig) {
     // Rows and short rows of each scan.
     let mut counts: BTreeMap<u16, (f64, f64)> = BTreeMap::new();

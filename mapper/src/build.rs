@@ -120,7 +120,7 @@ pub fn build(
         passes.add(k as u32, &known, poles, found.signs, found.lanes);
     }
     if points == 0 {
-        return Err(Error::NothingSeen { drive: drive.name() });
+        return Err(Error::NothingSeen { scans: drive.folder() });
     }
     if under_path < config.ground.least_under_path {
         let why = if shown > 0.0 {
@@ -128,7 +128,7 @@ pub fn build(
         } else {
             "no scan shows anything of it, so they hold no returns of the ground, or scans and poses do not belong together"
         };
-        return Err(Error::NoGround { drive: drive.name(), seen_percent: 100.0 * under_path, why });
+        return Err(Error::NoGround { scans: drive.folder(), seen_percent: 100.0 * under_path, why });
     }
     passes.join(&mut map, &config.fuse);
     Ok(Built { map, registration, evidence })

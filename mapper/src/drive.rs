@@ -207,6 +207,11 @@ impl Drive {
         self.source.name()
     }
 
+    /// Where its scans lie.
+    pub fn folder(&self) -> PathBuf {
+        self.source.folder()
+    }
+
     /// Whether a scan is what the lidar saw from one place: what is compared
     /// between scans (their registration, what moved) means nothing otherwise.
     pub fn has_single_scans(&self) -> bool {

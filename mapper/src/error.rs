@@ -104,19 +104,19 @@ pub enum Error {
     },
     /// Scans that are all blind.
     #[error(
-        "{drive}: no scan has a point with finite coordinates within reach, so there is nothing to map: give scans with returns, or change the ranges under `[cloud]`"
+        "{}: no scan has a point with finite coordinates within reach, so there is nothing to map: give scans with returns, or change the ranges under `[cloud]`", scans.display()
     )]
     NothingSeen {
-        /// The drive.
-        drive: String,
+        /// Where the scans lie.
+        scans: PathBuf,
     },
     /// Scans and poses that do not belong together.
     #[error(
-        "{drive}: ground lies level under {seen_percent:.0} % of the driven path only: {why}; check the calibration (`Tr` leads from the lidar to the camera) and the frame of the poses"
+        "{}: ground lies level under {seen_percent:.0} % of the driven path only: {why}; check the calibration (`Tr` leads from the lidar to the camera) and the frame of the poses", scans.display()
     )]
     NoGround {
-        /// The drive.
-        drive: String,
+        /// Where the scans lie.
+        scans: PathBuf,
         /// Where ground was seen, percent of the best window's path.
         seen_percent: f64,
         /// What may be the cause.
